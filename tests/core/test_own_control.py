@@ -109,11 +109,31 @@ def test_the_command_of_a_law_is_held_where_it_is_not_of_the_gate(
         assert control.drives.failures == tick
 
 
-def test_a_tick_that_fails_by_its_measurement_and_its_law_counts_once() -> None:
+def test_a_law_is_not_asked_in_a_tick_that_has_failed_by_its_measurement() -> None:
     control = Held()
     control.broken = True
     control.command(None)  # type: ignore[arg-type]
     assert control.drives.failures == 1 and "broken" not in control.status()
+
+
+@pytest.mark.parametrize("law", [lambda state: None, lambda state: wbc.Command(np.zeros(3))])
+def test_a_law_whose_commands_are_none_is_stopped(law: Any) -> None:
+    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    control.law = law  # type: ignore[method-assign]
+    run(plant, control, 0.2)
+    assert control.drives.stopped
+
+
+def test_joints_of_a_torque_alone_are_damped_while_the_command_of_a_law_is_held() -> None:
+    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    for gain in control.gains:
+        gain[-1] = 0.0
+    sent = run(plant, control, 0.1)
+    control.broken = True
+    held = run(plant, control, DT)
+    assert sent.kd is not None and held.kd is not None and held.kp is not None
+    assert sent.kd[-1] == held.kp[-1] == 0.0 < held.kd[-1]
+    np.testing.assert_array_equal(held.kd[:-1], sent.kd[:-1])
 
 
 def test_joints_that_are_released_are_not_in_the_command_of_a_law() -> None:

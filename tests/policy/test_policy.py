@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import DT, G1, LEGS, Known, control, described, write_network, write_tracker
+from made_policies import (
+    DT,
+    G1,
+    LEGS,
+    Known,
+    control,
+    described,
+    resting,
+    write_network,
+    write_tracker,
+)
 from numpy.typing import NDArray
 
 import wbc
@@ -155,6 +166,35 @@ def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_en
         plant.step(command)
     assert policy.drives.failures > 0 and policy.drives.stopped and policy.fallen is FallReason.SOLVER
     assert last.kp is not None and command.kp is None  # damping alone
+
+
+@pytest.mark.parametrize("reading", [100.0, -100.0, 1e30, math.nan, math.inf])
+@pytest.mark.parametrize("joint", ["left_knee_joint", "right_ankle_pitch_joint", "waist_yaw_joint"])
+def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: float, joint: str) -> None:
+    """Predicted, then held: with the servos of the machine on the encoder that is wrong, and on a right one."""
+    plant, policy = control(Known(3, len(G1.joint_names)), resting(observation=(Term("gravity"),)))
+    column, failing = G1.joint_names.index(joint), 0
+
+    def made(command: wbc.Command, measurement: wbc.Measurement) -> float:
+        drive = command.drive_torque(measurement.joint_position, measurement.joint_velocity, policy.gains)
+        return abs(float(drive[column]))
+
+    while plant.time < 0.4:
+        measurement = plant.measure()
+        command = policy.command(measurement)
+        plant.step(command)
+    most = made(command, measurement)
+    for _ in range(60):
+        measurement = plant.measure()
+        position = measurement.joint_position.copy()
+        position[column] = reading
+        command = policy.command(replace(measurement, joint_position=position))
+        failing += policy.drives.failing
+        assert command.kp is not None and command.kp[column] == 0.0
+        assert abs(command.joint_torque[column]) <= 1.05 * most + 0.05
+        assert made(command, measurement) <= 1.05 * most + 0.05
+        plant.step(command)
+    assert failing > 20 and not policy.drives.stopped and policy.drives.falls.reason is None
 
 
 def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> None:

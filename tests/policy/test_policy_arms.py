@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -314,6 +315,42 @@ def test_arms_that_fail_are_said_to_once_until_they_have_worked_again(
         arms._solve = fails if failing else works
         arms.torques(measurement)
         assert sum("no torques for the arms" in record.message for record in caplog.records) == said
+
+
+@pytest.mark.parametrize("of_the_qp", [True, False])
+@pytest.mark.parametrize("signal", ["specific_force", "angular_velocity"])
+def test_arms_work_again_after_an_imu_that_was_lost(of_the_qp: bool, signal: str) -> None:
+    """It is lost until ticks fail, and turns meanwhile: what it turned by is the work of no single tick."""
+    plant, policy = bobbing(**{"arms": ARMS} if of_the_qp else {"filter": PolicyFilter(ARMS)})
+    carried, failed = policy._arms._carried, 0
+    while plant.time < 0.6:
+        measurement, lost = plant.measure(), 0.2 <= plant.time < 0.28
+        if lost:
+            measurement = replace(measurement, **{signal: np.full(3, np.nan)})
+        before = carried.acceleration.copy()
+        command = policy.command(measurement)
+        failed += policy.drives.failing
+        if policy.drives.failing:
+            np.testing.assert_array_equal(carried.acceleration, before)
+        assert np.isfinite(carried.acceleration).all() and np.isfinite(command.joint_torque).all()
+        plant.step(command)
+    assert failed > 10 and policy.status() == "ok" and policy.fallen is None
+
+
+def test_the_rate_of_a_carried_frame_is_differentiated_over_one_tick_alone() -> None:
+    plant, policy = bobbing(arms=ARMS)
+    measurement = plant.measure()
+    policy.command(measurement)
+    carried = policy._arms._carried
+    before = carried.acceleration.copy()
+    for reading in (math.nan, math.inf):
+        carried.measured(replace(measurement, specific_force=np.full(3, reading)))
+        np.testing.assert_array_equal(carried.acceleration, before)
+    turned = replace(measurement, angular_velocity=np.full(3, 1.0))
+    carried.measured(turned)
+    np.testing.assert_array_equal(carried.acceleration[3:], before[3:])
+    carried.measured(replace(turned, angular_velocity=np.full(3, 1.1)))
+    assert (carried.acceleration[3:] > before[3:]).all()
 
 
 def fails(measurement: object) -> None:

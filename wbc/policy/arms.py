@@ -60,17 +60,24 @@ class Carried(Contact):
         """Forget the motion so far."""
         super().reset()
         self.acceleration[:] = 0.0
-        self._rate = None
+        self.forget_rate()
 
     def measured(self, measurement: Measurement) -> None:
-        """Take the readings of a tick, in which the robot has been updated."""
-        rate, (linear, angular) = measurement.angular_velocity, self._gains
+        """Take the readings of a tick, in which the robot has been updated; none where one of them is not finite."""
+        rate, force, (linear, angular) = measurement.angular_velocity, measurement.specific_force, self._gains
+        if not np.isfinite((rate, force)).all():
+            self.forget_rate()
+            return
         up = self._placement.rotation[2]
         now = self.acceleration
-        now[:3] += linear * (measurement.specific_force - GRAVITY * up - now[:3])
+        now[:3] += linear * (force - GRAVITY * up - now[:3])
         if self._rate is not None:
             now[3:] += angular * ((rate - self._rate) / self._dt - now[3:])
         self._rate = rate.copy()
+
+    def forget_rate(self) -> None:
+        """Differentiate nothing in the next tick, because the rate is not that of the tick before."""
+        self._rate = None
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Contact`."""
@@ -135,6 +142,10 @@ class PolicyArms:
         torque[index] = -self._damping * velocity if torques is None else torques
         target[index] = measurement.joint_position[index]
         return torque, target, self._rest
+
+    def forget_rate(self) -> None:
+        """See `Carried.forget_rate`; after ticks without torques."""
+        self._carried.forget_rate()
 
     def torques(self, measurement: Measurement) -> Array | None:
         """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""

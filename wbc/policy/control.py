@@ -392,13 +392,19 @@ class PolicyControl(SteeredControl):
         np.clip(asked, -self._fastest, self._fastest, out=self.observed.command)
 
     def _servos(self, state: State) -> Command:
-        """Return the targets with the policy's gains, within the torque limits where the joints are now."""
+        """Return the targets with the policy's gains, within the torque limits where the joints are now.
+
+        A joint whose encoder is refused gets the torque of its servo at the predicted position, and no stiffness.
+        """
         m, torque, target, velocity = state.measurement, self._still, self._target, self._still
         if self._arms is not None:
+            if self.drives.failing:
+                self._arms.forget_rate()
             torque, target, velocity = self._arms.servos(m, target, self.asked)
-        return self.drives.gate.pass_on_with_gains(
-            torque, target, velocity, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
-        )
+        measured = self.drives.plausibility.joints(state.received)
+        if (lost := np.isnan(measured[0])).any():
+            torque = torque + np.where(lost, self._kp * (target - m.joint_position), 0.0)
+        return self.drives.gate.pass_on_with_gains(torque, target, velocity, (self._kp, self._kd), measured)
 
     @property
     def changed(self) -> Array:

@@ -417,25 +417,25 @@ class DriveControl(Control):
         """End a tick with the command of another law than the QP's, such as that of a policy.
 
         Torques and gains of joints that somebody else moves are taken out. The joints of a robot that has fallen, or
-        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick, which holds the
-        last command of the law with a velocity reference of zero.
+        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick. A tick that has
+        failed holds the last command of the law, with a velocity reference of zero.
 
         Args:
-            state: State of this tick; of one that `refuse` has failed, the law returns the command to hold.
-            law: Function of the state that makes the command; it is not called where the joints are damped.
+            state: State of this tick.
+            law: Function of the state that makes the command; it is called in ticks alone that have not failed.
         """
         if state.ok:
             self.observer.commanded(self._unasked, self.controller.dt)
         if self.damped or self.stopped:
             return self._finish(self._damp(state))
-        try:
-            command = law(state)
-            if state.ok:
+        command = None
+        if state.ok:
+            try:
+                self._keep(command := law(state))
                 self._failing = 0
-                self._keep(command)
-        except Exception as error:  # of a law of the user's own
-            command = self._hold_relayed(self.refuse(state, error) if state.ok else state)
-        return self._finish(command)
+            except Exception as error:  # of a law of the user's own
+                state, command = self.refuse(state, error), None
+        return self._finish(self._hold_relayed(state) if command is None else command)
 
     def _hold_relayed(self, state: State) -> Command:
         """Return the last command of a law at rest, within the limits; what the drives hold where there is none."""
@@ -448,8 +448,11 @@ class DriveControl(Control):
         still = np.zeros_like(position)
         if last.kp is None or last.kd is None:
             return self.gate.pass_on(torque, position, still)
-        measured = self.plausibility.joints(state.received)
-        return self.gate.pass_on_with_gains(torque, position, still, (kp, kd), measured)
+        damping = self.failure_policy.joint_damping * self.controller.robot.torque_limit
+        gains = kp, np.where(kd > 0.0, kd, damping)  # no joint of a torque alone speeds up
+        return self.gate.pass_on_with_gains(
+            torque, position, still, gains, self.plausibility.joints(state.received)
+        )
 
     def _keep(self, command: Command) -> None:
         """Keep the parts of a law's command that are held, since its arrays belong to who gets it."""
