@@ -59,8 +59,7 @@ def draw_tour(path: Path) -> None:
 
 def draw_shares(
     path: Path,
-    page: str,
-    corner: str,
+    rows: list[list[str]],
     columns: dict[int, tuple[str, str]],
     names: int = 1,
     what: str = "completed (%)",
@@ -69,13 +68,11 @@ def draw_shares(
 
     Args:
         path: File of the figure.
-        page: Page with the table, in this folder.
-        corner: Begin of the head of the table.
+        rows: Cells of the table.
         columns: Column → its colour and its name in the legend.
         names: Number of the first columns that name a row.
         what: What is counted.
     """
-    rows = table(page, corner)
     figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.34 * len(rows)), layout="constrained")
     for column, (colour, label) in columns.items():
         shift = 0.3 * (list(columns).index(column) - 0.5 * (len(columns) - 1))
@@ -103,7 +100,7 @@ def draw_shares(
 
 def draw_rough(path: Path) -> None:
     """Share of walks of g1 with free steps that arrive over rough ground, blind."""
-    draw_shares(path, "measured_walks.md", "Free steps, blind, flat feet", {1: (BLUE, "g1")})
+    draw_shares(path, table("measured_walks.md", "Free steps, blind, flat feet"), {1: (BLUE, "g1")})
 
 
 def draw_floors(path: Path) -> None:
@@ -223,13 +220,18 @@ def draw_slip(path: Path) -> None:
 def draw_seeing(path: Path) -> None:
     """Share of completed walks over rough ground, blind and with a depth camera."""
     columns = {1: (ORANGE, "blind"), 2: (BLUE, "depth camera")}
-    draw_shares(path, "measured_seeing.md", "`hrp4_class` over 3 m of rough ground", columns)
+    rows = []
+    for heights in ("usual heights", "about 1.5 times as high", "usual heights, other layouts"):
+        found = table("measured_seeing.md", f"`hrp4_class`, 3 m, {heights} |")
+        suffix = heights.removeprefix("usual heights").removeprefix(", ")
+        rows += [[", ".join(filter(None, (row[0], suffix))), *row[1:]] for row in found]
+    draw_shares(path, rows, columns)
 
 
 def draw_policies(path: Path) -> None:
     """Share of policies that are taken over in time, in a walk and after a push."""
     columns = {3: (BLUE, "stood")}
-    draw_shares(path, "measured_policies.md", "Taken over", columns, names=2, what="stood (%)")
+    draw_shares(path, table("measured_policies.md", "Taken over"), columns, names=2, what="stood (%)")
 
 
 def draw_kinematics(path: Path) -> None:
