@@ -30,7 +30,7 @@ import wbc.sim.terrain  # noqa: F401 - makes the families known
 from wbc import load_robot
 from wbc.app.arguments import attribute_docs
 from wbc.app.cli import make_app
-from wbc.app.commands import COMMANDS
+from wbc.app.commands import COMMANDS, summary
 from wbc.app.commands.settings import SettingRow, settings_of
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.policy import terms
@@ -65,6 +65,9 @@ CALLS = {
 
 EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 """Options of every command, which the page names once."""
+
+LONG_MEANING = 200
+"""Length of a meaning, characters, from which on a later command links to the first one that has it."""
 
 
 def filled(text: str) -> str:
@@ -262,6 +265,9 @@ def study_rows() -> Iterator[str]:
 def command_rows() -> Iterator[str]:
     """Every command with its words and options."""
     wbc = make_app(None)
+    yield from ("| Command | What it does |", "|---|---|")
+    yield from (f"| [`wbc {words}`](#{anchor(words)}) | {escaped(summary(words))} |" for words in COMMANDS)
+    told: dict[str, str] = {}
     for words in COMMANDS:
         app = functools.reduce(operator.getitem, words.split(), wbc)
         options = [each for each in app.assemble_argument_collection() if each.name not in EVERYWHERE]
@@ -274,7 +280,14 @@ def command_rows() -> Iterator[str]:
             default = default.rstrip("]") or _shown(each)
             if choices := each.get_choices():
                 text += f" Choices: {', '.join(choices)}."
+            if len(text) > LONG_MEANING and (first := told.setdefault(text, words)) != words:
+                text = f"See [`wbc {first}`](#{anchor(first)})."
             yield f"| {names} | {default} | {escaped(text)} |"
+
+
+def anchor(words: str) -> str:
+    """Return the anchor of the heading of a command."""
+    return f"wbc {words}".replace(" ", "-")
 
 
 def _shown(option: Any) -> str:
