@@ -189,6 +189,32 @@ def test_the_greatest_force_is_a_multiple_of_the_weight_of_the_robot_that_has_th
     assert (contact.min_force, contact.max_force) == (30.0, 50.0)
 
 
+def test_a_least_force_that_is_assigned_is_kept_on_a_light_robot_and_the_usual_one_is_less() -> None:
+    robot = make_robot("g1")
+    model = robot.model.copy()
+    for inertia in model.inertias:
+        inertia.mass *= 0.5
+    light = Robot(model, robot.soles, robot.half_sitting)
+    assert light.mass < 25.0
+    contact, usual = SoleContact("left_foot"), SoleContact("left_foot")
+    contact.min_force = 10.0
+    for each in (contact, usual):
+        assert each.max_force is None
+        each.bind(light)
+    assert contact.min_force == 10.0 and usual.min_force == pytest.approx(10.0 * light.mass / 30.0)
+    contact.min_force = None
+    assert contact.min_force == usual.min_force
+    for each in (contact, usual):
+        each.bind(robot)
+        assert each.min_force == 10.0 and each.max_force == pytest.approx(4.0 * robot.mass * GRAVITY)
+
+
+def test_a_greatest_force_of_none_is_the_usual_one_of_the_class() -> None:
+    grip = FixedContact("left_hand", max_force=300.0)
+    grip.max_force = None
+    assert grip.max_force == FixedContact("left_hand").max_force == 1e6
+
+
 def test_force_range_ramps_up_and_down_without_a_jump() -> None:
     robot, dt, ramp = make_robot("g1"), 0.002, 0.1
     contact = SoleContact("left_foot", ramp=ramp, min_force=20.0, max_force=500.0, active=False)

@@ -95,8 +95,7 @@ class Contact(Motion):
         super().__init__(name, given["stiffness"], given["damping"])
         self.frame, self.cone = frame, cone
         self.rate, self.wrench_weight, self._ramp = given["rate"], given["wrench_weight"], given["ramp"]
-        self._least_given = "min_force" in options
-        self._set_forces(given["min_force"], given["max_force"])
+        self._set_forces(options.get("min_force"), options.get("max_force"))
         self._yields = given["motion_weight"] is not None
         self.motion_weight = given["motion_weight"]
         self._active = bool(given["active"])
@@ -117,15 +116,15 @@ class Contact(Motion):
         self.update_cone()
 
     @property
-    def min_force(self) -> float:
-        """Smallest normal force while active, N."""
-        return self._min_force
+    def min_force(self) -> float | None:
+        """Smallest normal force while active, N; assign None for the usual one, which is None before it is added."""
+        return self._given_least if self._robot is None else self._min_force
 
     @min_force.setter
     @checked
-    def min_force(self, value: Annotated[NonNegative, "N"]) -> None:
-        self._least_given |= value != self._min_force
-        self._set_forces(value, self._max_force)
+    def min_force(self, value: Annotated[NonNegative, "N"] | None) -> None:
+        usual = self._given_least is None and value == self.min_force
+        self._set_forces(None if usual else value, self._max_force)
 
     @property
     def max_force(self) -> float | None:
@@ -136,7 +135,7 @@ class Contact(Motion):
     @checked
     def max_force(self, value: Annotated[Positive, "N"] | None) -> None:
         usual = self._max_force is None and value == self.max_force
-        self._set_forces(self._min_force, None if usual else value)
+        self._set_forces(self._given_least, None if usual else value)
 
     @property
     def ramp(self) -> float:
@@ -212,7 +211,7 @@ class Contact(Motion):
                 f"contact '{self.name}': frame '{self.frame}' is bolted to the world, and needs no contact"
             )
         self._placement = robot.data.oMf[self._id]
-        self._set_forces(self._min_force, self._max_force)
+        self._set_forces(self._given_least, self._max_force)
         self.hold()
 
     @property
@@ -301,14 +300,17 @@ class Contact(Motion):
     def update_cone(self) -> None:  # noqa: B027 (optional)
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
-    def _set_forces(self, low: float, high: float | None) -> None:
-        """Take the least and the greatest normal force over, N; None for the usual greatest one."""
+    def _set_forces(self, least: float | None, most: float | None) -> None:
+        """Take the least and the greatest normal force over, N; None for the usual ones."""
+        low, high = least, self.usual.get("max_force") if most is None else most
+        if low is None:  # that of a sole is less on a light robot
+            low = self.usual.get("min_force", 0.0) * (1.0 if self._robot is None else self._robot.force_scale)
         greatest = self._usual_greatest() if high is None else high
         if greatest is not None and greatest <= low:
             raise InputError(
                 f"greatest force of contact '{self.name}' must exceed the smallest: {greatest} ≤ {low} N"
             )
-        self._min_force, self._max_force = low, high
+        self._given_least, self._min_force, self._max_force = least, low, high
         self.revision += 1
 
     def _usual_greatest(self) -> float | None:
@@ -399,8 +401,6 @@ class SoleContact(HeldFrame):
         if self._box is not None:
             self._check_box(self._box, self._centre[:2])
         self.update_cone()
-        if not self._least_given:
-            self._set_forces(LEAST_FORCE * robot.force_scale, self._max_force)
         super().bind(robot)
 
     @property
