@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,25 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     seen = len(network.seen)
     run_guard(plant, guard, 0.2)
     assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
+
+
+def test_a_walk_that_takes_over_knows_the_loads_of_feet_without_sensors() -> None:
+    """A robot that is pushed aside stands on one foot more than on the other, before and after."""
+    plant, guard, _ = guarded()
+    plant.push("torso", np.array([0.0, 40.0, 0.0]), 2.0)
+
+    def loads() -> np.ndarray:
+        """Normal forces after another tick, N."""
+        plant.step(guard.command(dataclasses.replace(plant.measure(), sole_wrench=None)))
+        assert guard.drives.wrenches is not None
+        return guard.drives.wrenches.wrench[:, 2].copy()
+
+    for _ in range(40):
+        before = loads()
+    assert before[0] > 1.3 * before[1]
+    guard.take_over()
+    after = loads()
+    assert guard.relieved and after == pytest.approx(before, abs=0.05 * before.sum())
 
 
 def test_a_guard_that_begins_anew_lets_its_policy_begin() -> None:

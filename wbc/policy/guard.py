@@ -88,6 +88,7 @@ class PolicyGuard(SteeredControl):
         logger.error("the policy is relieved: %s", reason)
         self.relieved, contacts = reason, self.policy.contacts
         self.walking.begin(state, contacts.air, contacts.landed)
+        self.walking.drives.wrenches = self.policy.drives.wrenches  # it knows which foot is in the air
         return self.walking.act(state)
 
     def take_over(self, reason: str = "asked for") -> None:
