@@ -251,7 +251,8 @@ class DriveControl(Control):
         self._relayed: Command | None = None
         self._kept = tuple(np.zeros((4, controller.robot.na)))
         self._failing = 0
-        self._unasked = np.zeros(controller.robot.nv)  # acceleration of a command that is not that of the QP
+        # Acceleration that the last command asks for: that of the solution, or none of another command.
+        self._asked = self._unasked = np.zeros(controller.robot.nv)
 
     @property
     def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns it
@@ -293,6 +294,7 @@ class DriveControl(Control):
         self.measurement = None
         self.falls.reset()
         self._torques, self._relayed = np.zeros_like(self._torques), None
+        self._asked = self._unasked
         self._failing = 0
         self.reason = ""
         self.plausibility.reset()
@@ -403,10 +405,9 @@ class DriveControl(Control):
                 shape (6,), N and Nm, in the frame of the contact; for example the desired wrenches of a stabilizer
                 (`StabilizerTask.wrenches`).
         """
+        self._asked = self._unasked
         if self.damped:
             command = self._damp(state)
-            if state.ok:
-                self.observer.commanded(self._unasked, self.controller.dt)
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
@@ -424,8 +425,7 @@ class DriveControl(Control):
             state: State of this tick.
             law: Function of the state that makes the command; it is called in ticks alone that have not failed.
         """
-        if state.ok:
-            self.observer.commanded(self._unasked, self.controller.dt)
+        self._asked = self._unasked
         if self.damped or self.stopped:
             return self._finish(self._damp(state))
         command = None
@@ -473,6 +473,7 @@ class DriveControl(Control):
             command = replace(command, released=released.mask)
         if self.wrenches is not None:
             self.wrenches.sent(command)
+        self.observer.commanded(self._asked, self.controller.dt)
         return command
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
@@ -547,7 +548,7 @@ class DriveControl(Control):
             self._fail("failed for too long" if solution.ok else solution.status.value)
             return None
         self._failing = 0
-        self.observer.commanded(solution.accelerations, self.controller.dt)
+        self._asked = solution.accelerations
         return solution
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
@@ -572,9 +573,7 @@ class DriveControl(Control):
         if blind:
             measurement = self._estimator().observe(measurement, *observer.measured_state, observer.lifts)
         if self.monitor is not None:
-            follows = self._follows_estimate and not self._failing and self._relayed is None
-            solution = self.solution if follows else None
-            asked = None if solution is None or not solution.ok or self.damped else solution.accelerations
+            asked = None if self._asked is self._unasked or not self._follows_estimate else self._asked
             self.monitor.update(self.plausibility.values, measurement, observer, asked)
         return measurement
 
@@ -589,7 +588,6 @@ class DriveControl(Control):
     def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""
         stopped = self.stopped
-        self.observer.commanded(self._unasked, self.controller.dt)
         self.failures += 1
         self._failing += 1
         if self._failing == 1 or self.stopped != stopped:
