@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import contextlib
-import html
-import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
@@ -16,13 +13,10 @@ import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import decoding, first_tag, parse_xml, read_xml
+from wbc.base.files import first_tag, parse_xml, read_xml
 from wbc.robots.mesh_files import mesh_defect
 from wbc.robots.readers import sdf_mjcf
 from wbc.robots.urdf import MOST_LINKS, existing
-
-MOST_FOLDERS = 100
-"""Most folders of meshes, pictures and included files that an MJCF may name."""
 
 
 def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
@@ -81,13 +75,11 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         if first_tag(content) == "sdf":
             return "SDF string", lambda: sdf_mjcf.spec_of(_tree(content, "SDF string"), "SDF string")
         _refuse_other_formats("MJCF string", content)
-        refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
     if first_tag(text := read_xml(path, "MJCF")) == "sdf":
         return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
-    refuse_pipes(path.parent, text)
     texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
     return where, lambda: _spec_of(path, texts)
@@ -95,7 +87,6 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
 
 def read_spec(path: Path) -> mujoco.MjSpec:
     """Return the spec of an MJCF file of any ending and encoding; its meshes are looked for beside it."""
-    refuse_pipes(path.parent, read_xml(path, "MJCF"))
     return _spec_of(path, _texts(path))
 
 
@@ -129,36 +120,6 @@ def _tree(text: str, where: str) -> ET.Element:
         return parse_xml(text)
     except ET.ParseError as error:
         raise ModelError(f"{where}: {error}") from error
-
-
-def refuse_pipes(folder: Path, text: str) -> None:
-    """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
-
-    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF. Any name may be
-    in any of the folders that the files name.
-    """
-    folders, names, read = {folder}, dict[str, None](), set[Path]()
-    waiting = [text]
-    while waiting:
-        for content in waiting:
-            named = re.findall(r"(?:mesh|texture|asset)dir\s*=\s*(?:\"([^\"]*)\"|'([^']*)')", content)
-            folders |= {folder / html.unescape(one or other) for one, other in named}
-            for one, other in re.findall(r"file\w*\s*=\s*(?:\"([^\"]+)\"|'([^']+)')", content):
-                name = html.unescape(one or other)
-                names |= {name: None, Path(name).name: None}  # strippath
-        if len(folders) > MOST_FOLDERS:
-            raise InputError(f"an MJCF may name {MOST_FOLDERS} folders of files at most, got {len(folders)}")
-        waiting = []
-        for place in {each / name for each in folders for name in names} - read:
-            read.add(place)
-            if not os.path.exists(place):  # false for a name that is too long, too
-                continue
-            with decoding(place, "file of an MJCF"):
-                begin = place.open("rb").read(64)
-            if b"<" in begin:  # a model, or what is included
-                folders.add(place.parent)
-                with contextlib.suppress(InputError):  # MuJoCo reads, or refuses, what is included
-                    waiting.append(read_xml(place, "MJCF"))
 
 
 def _texts(path: Path) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from functools import partial
 from pathlib import Path
@@ -14,9 +13,8 @@ from meshes import CORNERS, dae, obj, stl, text_stl
 
 from wbc import Plant, RobotDescription
 from wbc.base.errors import InputError, ModelError, UnknownNameError
-from wbc.core.limits.collision import srdf_pairs
 from wbc.robots import files, load
-from wbc.sim.plant.model import drawing_model, furniture
+from wbc.sim.plant.model import drawing_model
 from wbc.sim.terrain.spec import terrain
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -407,30 +405,7 @@ def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> N
             read(halfsitting={"left_knee": 0.9})
 
 
-# Pipes
-
-
-def test_pipes_are_refused_however_an_mjcf_names_them(tmp_path: Path) -> None:
-    """By entities, without a blank before the attribute, through folders and files of any ending, in scenes, too."""
-    (tmp_path / "meshes").mkdir()
-    for name in ("pipe.stl", "pipe.xml", "meshes/other.stl"):
-        os.mkfifo(tmp_path / name)
-    (tmp_path / "parts.txt").write_text('<mujocoinclude><mesh name="m" file="other.stl"/></mujocoinclude>')
-    for asset in (
-        '<asset><mesh name="m" file="&#112;ipe.stl"/></asset>',
-        "<asset><mesh name='m'file='pipe.stl'/></asset>",
-        '<asset><mesh name="m" file="elsewhere/pipe.stl"/></asset><compiler strippath="true"/>',
-        '<compiler meshdir="m&#x65;shes"/><asset><include file="parts.txt"/></asset>',
-        '<asset><model name="m"file="pipe.xml"/></asset>',
-    ):
-        (tmp_path / "robot.mjcf").write_text(MJCF.replace("<worldbody>", f"{asset}<worldbody>", 1))
-        with pytest.raises(InputError, match="it is a pipe"):
-            RobotDescription.from_mjcf(tmp_path / "robot.mjcf")
-        (tmp_path / "scene.xml").write_text(f"<mujoco>{asset}<worldbody/></mujoco>")
-        with pytest.raises(InputError, match="it is a pipe"):
-            furniture(tmp_path / "scene.xml")
-    with pytest.raises(InputError, match="SRDF.*it is a pipe"):
-        srdf_pairs(tmp_path / "pipe.xml", ("a", "b"))
+# Sizes
 
 
 def test_bodies_are_counted_before_mujoco_makes_them() -> None:
