@@ -127,6 +127,6 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
 
 
 @cache
-def _read(path: str, _: tuple[files.Stamp, ...]) -> RobotDescription:
-    """Read a robot file, anew when it or a file that it refers to has changed."""
+def _read(path: str, _: tuple[tuple[int, int], ...]) -> RobotDescription:
+    """Read a robot file, anew when it, or the one that it names as a TOML, has changed."""
     return files.read(path)

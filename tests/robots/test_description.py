@@ -204,25 +204,6 @@ def test_a_description_is_found_by_the_name_that_a_spec_keeps() -> None:
     assert wbc.load_robot("panda") is load("panda")
 
 
-def test_stamps_are_of_each_file_once_and_of_folders_above_a_description(tmp_path: Path) -> None:
-    """Files may refer to each other; five folders above the one of a file may hold its packages."""
-    assert files.stamps(tmp_path / "gone.xml") == ()
-    for one, other in (("a.xml", "b.xml"), ("b.xml", "a.xml")):
-        (tmp_path / one).write_text(f'<mujoco><include file="{other}"/></mujoco>')
-    assert sorted(Path(path).name for path, *_ in files.stamps(tmp_path / "a.xml")) == ["a.xml", "b.xml"]
-    deep = tmp_path
-    for depth in range(7):
-        folder = deep / f"p{depth}"
-        folder.mkdir()
-        (folder / "m.stl").write_text(str(depth))
-        deep = deep / f"d{depth}"
-        deep.mkdir()
-    meshes = "".join(f'<mesh filename="package://p{depth}/m.stl"/>' for depth in range(7))
-    (deep / "r.urdf").write_text(f"<robot>{meshes}</robot>")
-    found = {Path(path).parent.name for path, *_ in files.stamps(deep / "r.urdf")}
-    assert found == {"d6", "p6", "p5", "p4", "p3", "p2"}
-
-
 @pytest.mark.parametrize(
     ("name", "path"),
     [("a.toml", True), ("a.XML", True), ("a/b", True), ("a\\b", True), ("g1", False), ("urdf", False)],
