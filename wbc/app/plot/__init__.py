@@ -5,7 +5,3 @@
 
 `FIGURES` names the ready-made ones; `draw_signals` draws any signal of any log.
 """
-
-from wbc.base.drawing import import_matplotlib
-
-import_matplotlib()
