@@ -31,10 +31,7 @@ SWITCHES = {
     "contact": ("contact", "nothing touches"),
     "constraint": ("constraint", "nothing touches, and no joint has an end or dry friction"),
     "actuation": ("actuation", "no drive acts"),
-    "sensor": ("sensor", "sensors read zero"),
     "limit": ("limit", "no joint has an end"),
-    "clampctrl": ("clampctrl", "ranges of controls do not bound torques"),
-    "filterparent": ("filterparent", "a link collides with the one that it hangs on"),
 }
 """Option flags that change what acts on a robot, of those that are on by default, and what happens without them."""
 
@@ -46,28 +43,16 @@ def unmodelled(
 
     What the file switches off is named too: a controller counts on it. `ties` are equalities that the description has.
     """
-    found = _switches(model) + _medium(model)
+    found = _switches(model) + _gravity(model)
     held = [
         str(model.body(body).name) or f"body_{body}" for body in bodies if model.body_gravcomp[body] != 0.0
     ]
     if held and not switched_off(model, OFF.mjDSBL_GRAVITY):
         found.append(f"gravity compensation (gravcomp) of {len(held)} bodies: {listed(held)}")
     found += _free_joint(model, bodies)
-    found += [
-        f"the nonlinear part of the spring of joint '{name}'"
-        for number, name in joints.items()
-        if model.jnt_stiffnesspoly[number].any() and not switched_off(model, OFF.mjDSBL_SPRING)
-    ]
-    early = {joint: float(model.jnt_margin[joint]) for joint in joints if model.jnt_limited[joint]}
-    if soft := [joints[joint] for joint, margin in early.items() if margin > 0.0]:
-        most = max(early.values())
-        found.append(
-            f"soft ends of {len(soft)} joints, which act up to {most:g} before their limits: {listed(soft)}"
-        )
     found += (
         _actuators(model, joints) + _tendons(model, bodies, joints) + _equalities(model, bodies, joints, ties)
     )
-    found += _surfaces(model, bodies)
     return [UNMODELLED + each for each in found]
 
 
@@ -86,27 +71,18 @@ def _switches(model: mujoco.MjModel) -> list[str]:
     ):
         if given and switched_off(model, flag):
             found.append(f"{name} is disabled (option flag): those of the file do not act")
-    if int(model.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
-        friction = ", ".join(f"{value:g}" for value in model.opt.o_friction[:1])
-        found.append(f"override is enabled (option flag): all contacts have the friction {friction}")
     return found
 
 
-def _medium(model: mujoco.MjModel) -> list[str]:
-    found, gravity = [], np.array(model.opt.gravity)
-    off = switched_off(model, OFF.mjDSBL_GRAVITY)
-    if np.linalg.norm(gravity + [0.0, 0.0, GRAVITY]) > OTHER_GRAVITY and not off:
-        tilt = np.degrees(np.arctan2(np.hypot(*gravity[:2]), -gravity[2]))
-        given = ", ".join(f"{value:g}" for value in gravity)
-        found.append(
-            f"gravity ({given}) m/s², {np.linalg.norm(gravity):.3f} m/s² and {tilt:.1f}° off −z; the controller has "
-            f"{GRAVITY:g} m/s² along −z"
-        )
-    if model.opt.density or model.opt.viscosity:
-        what = f"of density {model.opt.density:g} kg/m³ and viscosity {model.opt.viscosity:g} Pa s"
-        wind = f", wind of {np.linalg.norm(model.opt.wind):g} m/s" if model.opt.wind.any() else ""
-        found.append(f"drag of a medium {what}{wind}")
-    return found
+def _gravity(model: mujoco.MjModel) -> list[str]:
+    gravity = np.array(model.opt.gravity)
+    if (
+        switched_off(model, OFF.mjDSBL_GRAVITY)
+        or np.linalg.norm(gravity + [0.0, 0.0, GRAVITY]) <= OTHER_GRAVITY
+    ):
+        return []
+    given = ", ".join(f"{value:g}" for value in gravity)
+    return [f"gravity ({given}) m/s²; the controller has {GRAVITY:g} m/s² along −z"]
 
 
 def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
@@ -120,10 +96,8 @@ def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
             continue
         first = int(model.jnt_dofadr[joint])
         six = slice(first, first + 6)
-        poly = model.dof_dampingpoly[six].any() and not switched_off(model, OFF.mjDSBL_DAMPER)
         parts = {
             f"damping of {rubbing[six].max():g} Ns/m and Nms/rad to the world": rubbing[six],
-            "nonlinear damping to the world": poly,
             f"armature of {rotors[six].max():g} kg and kg m²": rotors[six],
             f"dry friction of {dry[six].max():g} N and Nm to the world": dry[six],
             f"spring of {stiffness(model)[joint]:g} N/m and Nm/rad to the world": stiffness(model)[joint],
@@ -157,25 +131,6 @@ def _actuators(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:
         for each in mine
         if each.gain is None
     ]
-    if not switched_off(model, OFF.mjDSBL_DAMPER):
-        curved = {each.joint for each in mine if model.actuator_dampingpoly[each.number].any()}
-        curved |= {joint for joint in joints if model.dof_dampingpoly[int(model.jnt_dofadr[joint])].any()}
-        found += [f"the nonlinear part of the damping of joint '{joints[joint]}'" for joint in sorted(curved)]
-    return found
-
-
-def _surfaces(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
-    """Return geoms whose contacts stick or carry along, of the robot and of what stands still."""
-    found = []
-    for i in range(model.ngeom):
-        body = int(model.geom_bodyid[i])
-        if body not in bodies and int(model.body_weldid[body]) != 0:
-            continue
-        name = str(model.geom(i).name) or f"geom_{i}"
-        if model.geom_surfacevel[i].any():
-            found.append(f"the surface of geom '{name}' moves (surfacevel)")
-        if model.geom_adhesion[i]:
-            found.append(f"geom '{name}' sticks (adhesion)")
     return found
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +19,6 @@ AWAY = 1e4
 USUAL_FRICTION = 0.7
 """Friction on which the contacts of a controller count by default."""
 
-UNEVEN = 2e-3
-"""Difference of heights under the soles from which on the floor is uneven, m."""
-
 UPWARD = 0.5
 """Least upward part of the normal of a floor, cos 60°."""
 
@@ -40,23 +35,14 @@ def floor_of(places: RobotPlaces, robot: Robot) -> tuple[float, list[str]]:
     if heights is None:
         return 0.0, ["no ground under the soles at half-sitting: put there, the robot falls"]
     ground = float(heights.max())
-    return ground if abs(ground) > ROUNDING else 0.0, list(_floor_notes(places, robot, heights, ground))
-
-
-def _floor_notes(places: RobotPlaces, robot: Robot, heights: Array, ground: float) -> Iterator[str]:
-    if float(np.ptp(heights)) > UNEVEN:
-        yield (
-            f"the ground under the soles at half-sitting is uneven, from {heights.min():.3f} to {ground:.3f} m: "
-            "the robot is put on its highest point"
-        )
-    elif abs(ground) > UNEVEN:
-        yield f"the ground is at z = {ground:.3f} m: half-sitting stands there"
+    ground = ground if abs(ground) > ROUNDING else 0.0
     friction = friction_under(places, robot, mujoco.MjData(places.model), ground)
-    if friction is not None and friction < USUAL_FRICTION:
-        yield (
-            f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless "
-            "they are given another (SoleContact(…, friction=…))"
-        )
+    if friction is None or friction >= USUAL_FRICTION:
+        return ground, []
+    return ground, [
+        f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless they are "
+        "given another (SoleContact(…, friction=…))"
+    ]
 
 
 def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array | None:

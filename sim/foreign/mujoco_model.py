@@ -110,7 +110,7 @@ class MujocoLoop(MujocoRobot):
         self.notes = (
             *drive_notes(description, robot, self.actuators),
             *model_notes(description, robot, places),
-            *sensor_notes(places, imu),
+            *sensor_notes(places.model, imu),
             *floor_notes,
         )
         for note in self.notes:

@@ -86,27 +86,15 @@ def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces
             yield f"{UNMODELLED}{what} of {len(other)} joints, other than described: {listed(other)}"
 
 
-def sensor_notes(places: RobotPlaces, imu: Imu) -> Iterator[str]:
-    """Yield notes on sensors of the IMU that are missing or read late, and on sensors that are not read."""
-    model, used = places.model, set()
+def sensor_notes(model: mujoco.MjModel, imu: Imu) -> Iterator[str]:
+    """Yield notes on sensors of the IMU that are missing, or read late."""
     for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
         if sensor is None:
             yield f"no {what} on the IMU's body that reads: computed from the motion"
             continue
         number = int(np.flatnonzero(model.sensor_adr == sensor[0])[0])
-        used.add(number)
         if odd := _reads_late(model, number):
-            yield f"{what} {_sensor_name(model, number)} of the file has {odd}"
-    others = [
-        f"{_sensor_name(model, i)} with {odd}"
-        for i in range(model.nsensor)
-        if i not in used and _on_robot(places, i) and (odd := _reads_late(model, i))
-    ]
-    if others:
-        yield (
-            f"{len(others)} sensors of the file are not read: the loop takes joints and forces from the simulation "
-            f"in every control period, with the delays of its `machine` and `noise`: {listed(others)}"
-        )
+            yield f"{what} '{model.sensor(number).name}' of the file has {odd}"
 
 
 def _limp_joints(places: RobotPlaces) -> list[str]:
@@ -121,25 +109,6 @@ def _limp_joints(places: RobotPlaces) -> list[str]:
     return [model.joint(i).name or f"joint {i}" for i in np.flatnonzero(moving).tolist() if i not in held]
 
 
-def _on_robot(places: RobotPlaces, sensor: int) -> bool:
-    """Return True for a sensor on a body or a joint of the robot."""
-    model, kinds = places.model, mujoco.mjtObj
-    kind, number = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
-    if kind == int(kinds.mjOBJ_ACTUATOR):
-        if int(model.actuator_trntype[number]) not in ON_JOINTS:
-            return False
-        kind, number = int(kinds.mjOBJ_JOINT), int(model.actuator_trnid[number, 0])
-    body = {
-        int(kinds.mjOBJ_BODY): np.arange(model.nbody),
-        int(kinds.mjOBJ_XBODY): np.arange(model.nbody),
-        int(kinds.mjOBJ_JOINT): model.jnt_bodyid,
-        int(kinds.mjOBJ_SITE): model.site_bodyid,
-        int(kinds.mjOBJ_GEOM): model.geom_bodyid,
-        int(kinds.mjOBJ_CAMERA): model.cam_bodyid,
-    }.get(kind)
-    return body is not None and bool(places.of_robot[body[number]])
-
-
 def _reads_late(model: mujoco.MjModel, sensor: int) -> str:
     """Return how a sensor reads late, seldom or up to a bound; empty for one that does not."""
     odd = (
@@ -148,12 +117,3 @@ def _reads_late(model: mujoco.MjModel, sensor: int) -> str:
         (model.sensor_cutoff[sensor], "readings up to {:g} alone (cutoff)", 1.0),
     )
     return " and ".join(text.format(unit * value) for value, text, unit in odd if value)
-
-
-def _sensor_name(model: mujoco.MjModel, sensor: int) -> str:
-    """Return the name of a sensor in quotes, or its kind and the name of what it is on where it has none."""
-    if name := model.sensor(sensor).name:
-        return f"'{name}'"
-    kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
-    on = mujoco.mj_id2name(model, int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor]))
-    return f"{kind} of '{on or sensor}'"

@@ -230,9 +230,9 @@ def test_force_and_torque_sensors_have_the_roles_of_their_bodies() -> None:
 
 NOTES = {  # sections, attributes of joint a, actuators → figures of the only note, or None
     "nothing": ("", "", "", None),
-    "gravity": ('<option gravity="0.5 0 -9.79"/>', "", "", ("(0.5, 0, -9.79)", "9.803 m/s² and 2.9°")),
-    "gravity to the side": ('<option gravity="3 4 0"/>', "", "", ("5.000 m/s² and 90.0°",)),
-    "gravity upward": ('<option gravity="0 0 9.81"/>', "", "", ("9.810 m/s² and 180.0°",)),
+    "gravity": ('<option gravity="0.5 0 -9.79"/>', "", "", ("(0.5, 0, -9.79)",)),
+    "gravity to the side": ('<option gravity="3 4 0"/>', "", "", ("(3, 4, 0)",)),
+    "gravity upward": ('<option gravity="0 0 9.81"/>', "", "", ("(0, 0, 9.81)",)),
     "a little gravity": ('<option gravity="0 0 -9.82"/>', "", "", None),
     "no gravity": (
         '<option gravity="0 0 -9.82"><flag gravity="disable"/></option>',
@@ -240,13 +240,6 @@ NOTES = {  # sections, attributes of joint a, actuators → figures of the only 
         "",
         ("nothing falls",),
     ),
-    "wind": ('<option density="1.2" wind="3 4 0"/>', "", "", ("density 1.2", "viscosity 0", "wind of 5 m/s")),
-    "water": ('<option viscosity="0.5"/>', "", "", ("density 0", "viscosity 0.5")),
-    "soft ends": ("", 'margin="0.05" range="-1 1"', "", ("of 1 joints", "up to 0.05")),
-    "no ends": ("", 'margin="0.05"', "", None),
-    "curved spring": ("", 'stiffness="5 1 0"', "", ("spring of joint 'a'",)),
-    "curved spring off": ('<option><flag spring="disable"/></option>', 'stiffness="0 1 0"', "", None),
-    "curved damping off": ('<option><flag damper="disable"/></option>', 'damping="0 1 0"', "", None),
     "straight": ("", 'stiffness="5" damping="1"', "", None),
     "delays": (
         "",
@@ -273,12 +266,6 @@ NOTES = {  # sections, attributes of joint a, actuators → figures of the only 
     ),
     "another group": ('<option actuatorgroupdisable="3"/>', "", '<motor joint="a" group="4"/>', None),
     "crane's delay": ("", "", '<motor joint="lift" delay=".01" nsample="8"/>', None),
-    "friction": (
-        '<option o_friction="0.7 0.7 0 0 0"><flag override="enable"/></option>',
-        "",
-        "",
-        ("friction 0.7",),
-    ),
 }
 
 
@@ -327,29 +314,12 @@ def test_what_a_tendon_does_to_the_robot_is_named(what: str, ends: tuple[str, st
 
 
 @pytest.mark.parametrize(
-    ("geom", "named"), [("tube", True), ("stand", True), ("floor", True), ("hook", False)]
-)
-def test_geoms_that_stick_or_move_are_named_of_the_robot_and_of_what_stands_still(
-    geom: str, named: bool
-) -> None:
-    for attribute, said in (('adhesion="5"', "sticks"), ('surfacevel="1 0 0 0 0 0"', "moves")):
-        xml = ARM.format(a="", b="", root="", turn=0.0, extra='<option gravity="0 0 -9.80665"/>')
-        xml = xml.replace("<worldbody>", '<worldbody><geom name="floor" type="plane" size="1 1 1"/>')
-        xml = xml.replace(f'<geom name="{geom}"', f'<geom {attribute} name="{geom}"')
-        model = mujoco.MjModel.from_xml_string(xml)
-        tree = find_tree(model, "base", {}, True)
-        found = unmodelled(model, tree.bodies, {number: name for name, number in tree.joints.items()})
-        assert [f"'{geom}' {said}" in line or f"'{geom}' " in line for line in found] == [True] * named
-
-
-@pytest.mark.parametrize(
     ("attributes", "said"),
     [
         ('damping="3"', "damping of 3 Ns/m"),
         ('armature="0.3"', "armature of 0.3 kg"),
         ('frictionloss="0.7"', "dry friction of 0.7 N"),
         ('stiffness="9"', "spring of 9 N/m"),
-        ('damping="0 2 0"', "nonlinear damping"),
         ("", ""),
     ],
 )

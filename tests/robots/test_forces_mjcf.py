@@ -47,8 +47,6 @@ TIED = {
     "gravity along y": ('<option gravity="0 -9.81 0"/>', "gravity"),
     "tilted gravity": ('<option gravity="0.5 0 -9.79"/>', "gravity"),
     "moon": ('<option gravity="0 0 -1.62"/>', "gravity"),
-    "wind": ('<option density="1.2" wind="10 0 0"/>', "wind"),
-    "water": ('<option viscosity="0.001"/>', "viscosity"),
     **{
         f"no {flag}": (f'<option><flag {flag}="disable"/></option>', f"{flag} is disabled")
         for flag in (
@@ -56,13 +54,9 @@ TIED = {
             "contact",
             "constraint",
             "actuation",
-            "sensor",
             "limit",
-            "clampctrl",
-            "filterparent",
         )
     },
-    "other contacts": ('<option><flag override="enable"/></option>', "override"),
     "tendon armature": (TENDONS.format('armature="0.1"', ""), "'left'"),
     "tendon damping": (TENDONS.format('damping="0 1 0"', ""), "'left'"),
 }
@@ -94,12 +88,7 @@ CHANGED = {
     "lag": (' kp="200" kv="10"', ' kp="200" kv="10" timeconst="0.02"', "lag of 1 actuators, up to 20 ms"),
     "group": (KNEE, f'<general joint="left_knee" group="4"/>{KNEE}', "(group 4)"),
     "thruster": ("</actuator>", '<motor name="rocket" joint="floating"/></actuator>', "'rocket'"),
-    "curved damping": ('<joint name="waist"', '<joint damping="1 2 0" name="waist"', "'waist'"),
-    "curved damping of a motor": (KNEE, f'{KNEE} damping="0 0 3"', "'left_knee'"),
     "muscle": ("</actuator>", '<damper joint="waist" kv="2" ctrlrange="0 1"/></actuator>', "damper"),
-    "early ends": ('<joint name="waist"', '<joint margin="0.05" name="waist"', "waist"),
-    "belt": ('<geom name="ground"', '<geom surfacevel="1 0 0 0 0 0" name="ground"', "'ground' moves"),
-    "glue": ('<geom name="ground"', '<geom adhesion="5" name="ground"', "'ground' sticks"),
 }
 
 

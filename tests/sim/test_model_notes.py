@@ -77,17 +77,6 @@ def test_a_sensor_is_told_by_how_late_how_seldom_and_how_far_it_reads(what: str,
     )
 
 
-def test_a_floor_is_told_by_its_heights_from_two_millimetres_on() -> None:
-    step = '<geom type="box" size="1 1 {h}" pos="0 1 0"/>' + FLOOR
-    assert "from 0.000 to 0.020 m" in noted(model_of(floor=step.format(h=0.02)), "uneven")
-    for height, told in ((0.0019, False), (0.0021, True)):
-        notes = MujocoLoop(DESCRIPTION, model_of(floor=step.format(h=height))).notes
-        assert any("uneven" in note for note in notes) == told
-        level = FLOOR.replace("/></world", f' pos="0 0 {height}"/></world')
-        notes = MujocoLoop(DESCRIPTION, model_of(floor=level)).notes
-        assert any(f"z = {height:.3f} m" in note for note in notes) == told
-
-
 @pytest.mark.parametrize("corner", [(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_step_under_any_corner_of_a_sole_is_found(side: int, corner: tuple[int, int]) -> None:
