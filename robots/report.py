@@ -22,25 +22,11 @@ NEAR_LIMIT = 0.6
 UNLIKE = 0.01
 """Share by which the mass of the legs may differ."""
 
-MOST_RANGE = 4.0 * math.pi
-"""Range of a joint from which on its limits may be in degrees, rad."""
-
 UNMODELLED = "not in the controller's model: "
 """Beginning of a note on a force that the controller does not know of."""
 
-TALLEST = 3.0
-"""Height of the centre of mass from which on lengths may be in another unit, m."""
-
-DENSITY = (5.0, 2000.0)
-"""Range of mass over the height of the centre of mass cubed, kg/m³; Talos 134, a man 70, Robotis OP3 185."""
-
-GYRATION = (0.002, 0.8)
-"""Range of the radius of gyration of a link, heights of the centre of mass."""
-
-FASTEST, SLOW, BRAKED = 100.0, 1.0, 6.0
-"""Doubtful speeds, rad/s: limits above the first (drives of humanoids reach 40), of legs that step below the second
-(published ones are 2 to 30), and speeds of a leg joint at which damping takes all torque below the third (swings reach
-3 to 8)."""
+FASTEST = 100.0
+"""Doubtful limits of speeds, rad/s: drives of humanoids reach 40."""
 
 HEADINGS = {
     "velocity": "rad/s",
@@ -139,7 +125,7 @@ def doubts(robot: Any) -> tuple[str, ...]:
         said = "no feet: it has a QP (docs/robots.md), but neither stands nor walks"
         first = [f"{said}; it has two lowest limbs: {hint}" if hint else said]
     else:
-        first = [*_scale(model), *_legs(robot, model)]
+        first = _legs(robot, model)
     limits = [*zip(robot.joint_names, *robot.position_limits, robot.velocity_limit, strict=True)]
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
@@ -167,9 +153,6 @@ def doubts(robot: Any) -> tuple[str, ...]:
         ],
         "no position limits (±π taken)": [
             n for n, low, high, _ in limits if max(abs(low + TAKEN_RANGE), abs(high - TAKEN_RANGE)) < 1e-6
-        ],
-        "position limits of more than two turns, in degrees?": [
-            n for n, low, high, _ in limits if MOST_RANGE < high - low < math.inf
         ],
     }
     found = [f"{what}: {listed(names)}" for what, names in lists.items() if names]
@@ -202,21 +185,6 @@ def standing_torques(model: Robot) -> dict[str, float]:
     return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _scale(model: Robot) -> list[str]:
-    """Return doubts about the units of lengths, masses and inertias."""
-    mass, height = model.mass, float(model.com[2])
-    if height > TALLEST:
-        return [f"the centre of mass is {height:.4g} m high: lengths in millimetres or centimetres?"]
-    if not DENSITY[0] < mass / height**3 < DENSITY[1]:
-        return [f"{mass:.4g} kg with the centre of mass {height:.2f} m high: masses in grams or tonnes?"]
-    odd = {}  # link → radius of gyration, m
-    for name, inertia in zip(model.model.names, model.model.inertias, strict=True):
-        radius = math.sqrt(float(np.linalg.eigvalsh(inertia.inertia)[-1]) / max(inertia.mass, 1e-12))
-        if inertia.mass > 0.01 * mass and not GYRATION[0] < radius / height < GYRATION[1]:
-            odd[f"{name} ({inertia.mass:.4g} kg, radius of gyration {radius:.4g} m)"] = radius
-    return [f"inertias do not fit masses, in another unit? Those below {listed([*odd])}"] if odd else []
-
-
 def _legs(robot: Any, model: Robot) -> list[str]:
     left, right = robot.soles
     found = [
@@ -239,21 +207,6 @@ def _legs(robot: Any, model: Robot) -> list[str]:
         found.append(
             f"given servo gains are soft: kp of '{name}' is {given[name]:.0f} Nm/rad; position control needs "
             f"{ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
-        )
-    slow, braked = [], []
-    for name in (name for leg in robot.legs for name in leg):
-        i, damping = model.joint_index(name), robot.damping.get(name, 0.0)
-        if name in robot.passive:
-            continue
-        if model.velocity_limit[i] < SLOW:
-            slow.append(f"{name} {model.velocity_limit[i]:.2g} rad/s")
-        if damping > 0.0 and model.torque_limit[i] / damping < BRAKED:
-            braked.append(f"{name} {model.torque_limit[i] / damping:.2g} rad/s")
-    if slow:
-        found.append(f"legs that step need quicker joints: {listed(slow)}")
-    if braked:
-        found.append(
-            f"damping takes the whole torque of leg joints at the speeds of a step: {listed(braked)}"
         )
     return found
 

@@ -29,7 +29,7 @@ from wbc.core.frames import FrameDescription, Sole
 from wbc.core.model import is_floating, joints_to
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames
-from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
+from wbc.robots.derivation.soles import no_sole, plausible, sole_rectangle
 from wbc.robots.frames import SoleName
 from wbc.robots.mechanism import Geometry
 
@@ -109,9 +109,7 @@ def complete_sole(
     if rectangle is not None and not plausible(*rectangle[1:], leg):
         odd = no_sole(*rectangle[1:])
         notes.append(f"{name}: {odd}")
-        units = UNITS.values() if size is not None else ()  # the size says which one
-        scaled = (sole_rectangle(shapes, model, there, package_dirs, factor) for factor in units)
-        rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
+        rectangle = None
     if size is not None:
         length, width = size
         if rectangle is not None and isinstance(given, str):
@@ -146,8 +144,7 @@ def refuse_at_ankle(model: pin.Model, sole: Sole, why: str = "") -> None:
         why = why or f"link '{sole.link}' has no geometry that says where the ground is"
         raise ModelError(
             f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
-            f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are; sole_size tells geometry "
-            "in a wrong unit"
+            f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are"
         )
 
 

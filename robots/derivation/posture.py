@@ -27,11 +27,8 @@ BENT = (math.radians(25.0), math.radians(70.0))
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere, in any direction."""
 
-NARROW = 0.2
-"""Greatest range of the joints of a leg below which it seems to be in another unit, rad."""
-
-SOLVED, AT_LIMIT = 1e-6, 1e-3
-"""Greatest error of half-sitting that was solved for, m and rad; distance at which a joint is at its limit, rad."""
+SOLVED = 1e-6
+"""Greatest error of half-sitting that was solved for, m and rad."""
 
 NEXT = 0.02
 """Least distance between the sides of the soles in half-sitting, m."""
@@ -299,7 +296,7 @@ def _solve(
     first = q[solved_for]
     with np.errstate(invalid="ignore"):  # of joints that turn without end
         middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
-    best: tuple[float, Array, Array] | None = None
+    best: tuple[float, Array] | None = None
     for width, x0 in itertools.product(dict.fromkeys(widths), (first, middle)):
         solution = least_squares(
             residual, x0, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200, args=(width,)
@@ -309,13 +306,13 @@ def _solve(
         if largest <= SOLVED:
             return np.array(q[7:])
         if best is None or largest < best[0]:
-            best = largest, error, solution.x
+            best = largest, error
     assert best is not None
+    turn = float((high - low).max())
     raise ModelError(
-        f"no half-sitting within the joint limits was found: {_left(best[1], soles)}"
-        + _at_limits([driven_names(model)[i] for i in free], best[2], low, high)
-        + "; pass half_sitting with the leg joints, or correct their limits"
-        + _unit_of_ranges(high - low)
+        f"no half-sitting within the joint limits was found: {_left(best[1], soles)}; pass half_sitting with the leg "
+        f"joints, or correct their limits: they turn by {turn:.3g} rad at most, and an MJCF in radians must say "
+        '<compiler angle="radian"/>'
     )
 
 
@@ -332,30 +329,6 @@ def _left(error: Array, soles: tuple[Sole, ...]) -> str:
         (apart, f"the soles are {1e3 * apart:.2g} mm from level and side by side"),
     ]
     return " and ".join(text for size, text in sorted(parts, reverse=True)[:2] if size > SOLVED)
-
-
-def _at_limits(names: Sequence[str], values: Array, low: Array, high: Array) -> str:
-    """Return which joints of a posture are at their limits; empty for none."""
-    near = [
-        f"{name} at {limit:.3g} rad"
-        for name, value, limits in zip(names, values, zip(low, high, strict=True), strict=True)
-        for limit in limits
-        if abs(value - limit) < AT_LIMIT
-    ]
-    return f"; at their limits: {', '.join(near)}" if near else ""
-
-
-def _unit_of_ranges(ranges: Array) -> str:
-    """Return which unit the ranges of the leg joints (rad) seem to have, if it is not the one that was read."""
-    most = float(ranges.max())
-    if most < NARROW:
-        return (
-            f"; their joints turn by {math.degrees(most):.1f}° at most: an MJCF in radians must say so, "
-            '<compiler angle="radian"/>'
-        )
-    if most > 4.0 * math.pi:
-        return f"; their joints turn by up to {most:.0f} rad: are these degrees? A URDF has radians"
-    return ""
 
 
 def _bend(model: pin.Model, sole: str, q: Array) -> float:

@@ -23,9 +23,6 @@ PLAUSIBLE = (0.03, 0.6)
 LEAST_SHARE, LEAST_SIDE = 0.05, 0.005
 """Least side of a small robot's sole over the distance from its root, and in m: smaller geometry is in another unit."""
 
-UNITS = {"in millimetres": 1e-3, "in centimetres": 1e-2, "with one scale of 0.001 less": 1e3}
-"""Mistakes of unit → what mends them."""
-
 Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
 """Rotation of a mesh whose y axis points up."""
 
@@ -35,15 +32,13 @@ def sole_rectangle(
     model: pin.Model,
     sole: pin.Frame,
     package_dirs: tuple[str, ...],
-    scale: float = 1.0,
 ) -> tuple[Array, float, float] | None:
     """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
 
     The sole need not be a frame of the model; its z axis points away from the ground. Collision geometry is used where
     there is any, visual geometry otherwise. A foot that is wider than long is read once more with the up axis that its
     COLLADA meshes name, which Gazebo honours and Pinocchio does not. Returned are the centre in the frame (m, shape
-    (3,)), length and width (m), those of a sole if any geometry has them; None without geometry. `scale` multiplies the
-    sizes of shapes.
+    (3,)), length and width (m), those of a sole if any geometry has them; None without geometry.
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
@@ -55,7 +50,7 @@ def sole_rectangle(
         clouds = []
         for shape in (each for each in shapes if each.role == role):
             if model.frames[link := links[shape.link]].parentJoint in below:
-                cloud = _cloud(shape, package_dirs, here.actInv(data.oMf[link]), up_axis, scale)
+                cloud = _cloud(shape, package_dirs, here.actInv(data.oMf[link]), up_axis)
                 clouds += [] if cloud is None else [cloud]
         if not clouds:
             continue
@@ -88,13 +83,8 @@ def plausible(length: float, width: float, leg: float = np.inf) -> bool:
 
 
 def no_sole(length: float, width: float) -> str:
-    """Return what is said of geometry that is no sole, m, with the mistake of unit that would make it one."""
-    said = f"the geometry touches the ground over {length:.4g} x {width:.4g} m, which is no sole"
-    for what, factor in UNITS.items():
-        if plausible(factor * length, factor * width):
-            said += f"; {what} it would be {1e3 * factor * length:.4g} x {1e3 * factor * width:.4g} mm"
-            break
-    return said
+    """Return what is said of geometry that is no sole, m."""
+    return f"the geometry touches the ground over {length:.4g} x {width:.4g} m, which is no sole: is it in metres?"
 
 
 def points_of(kind: str, size: Array, up: Array) -> Array | None:
@@ -120,10 +110,8 @@ def points_of(kind: str, size: Array, up: Array) -> Array | None:
     return None
 
 
-def _cloud(
-    shape: Geometry, package_dirs: tuple[str, ...], here: pin.SE3, up_axis: bool, scale: float
-) -> Array | None:
-    """Return points of a shape of scaled size, with those on which it stands; `here` is the place of its link."""
+def _cloud(shape: Geometry, package_dirs: tuple[str, ...], here: pin.SE3, up_axis: bool) -> Array | None:
+    """Return points of a shape, with those on which it stands; `here` is the place of its link."""
     place = here * shape.place
     points = points_of(shape.kind, shape.size, place.rotation[2])
     if shape.kind == "mesh" and (path := resolve(shape.file, package_dirs)) is not None:
@@ -132,4 +120,4 @@ def _cloud(
         if points is not None and up_axis and path.suffix.lower() == ".dae":
             points = points @ Y_UP.T if b"<up_axis>Y_UP" in path.read_bytes() else points
         points = None if points is None else points * shape.size
-    return None if points is None else np.asarray(scale * points @ place.rotation.T + place.translation)
+    return None if points is None else np.asarray(points @ place.rotation.T + place.translation)

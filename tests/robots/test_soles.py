@@ -12,7 +12,7 @@ from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
 from wbc.robots import RobotDescription
-from wbc.robots.derivation.soles import footprint, no_sole, plausible, points_of
+from wbc.robots.derivation.soles import footprint, plausible, points_of
 from wbc.robots.mesh_files import mesh_defect
 
 SIZES = {
@@ -83,22 +83,6 @@ def test_the_sides_of_a_sole_are_3_to_60_cm_and_of_a_small_robot_a_twentieth_of_
     side: float, leg: float, possible: bool
 ) -> None:
     assert plausible(side, 0.1, leg) == plausible(0.1, side, leg) == plausible(side, side, leg) == possible
-
-
-@pytest.mark.parametrize(
-    ("length", "width", "said"),
-    [
-        (200.0, 90.0, "in millimetres it would be 200 x 90 mm"),
-        (20.0, 9.0, "in centimetres it would be 200 x 90 mm"),
-        (2e-4, 9e-5, "with one scale of 0.001 less it would be 200 x 90 mm"),
-        (0.2, 0.01, ""),
-        (1e-6, 0.2, ""),
-    ],
-)
-def test_a_mistake_of_unit_is_the_one_that_would_make_a_sole(length: float, width: float, said: str) -> None:
-    text = no_sole(length, width)
-    assert f"over {length:.4g} x {width:.4g} m" in text
-    assert text.partition("; ")[2] == said
 
 
 FOOT = np.array([[x, y, z] for x in (-0.05, 0.15) for y in (-0.04, 0.04) for z in (-ANKLE, 0.24)])

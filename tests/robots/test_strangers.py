@@ -69,48 +69,6 @@ def test_a_file_in_no_such_encoding_is_refused(tmp_path: Path) -> None:
             RobotDescription.from_urdf(tmp_path / "robot.urdf")
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1e3, "millimetres"), (1e2, "centimetres"), (1e-3, "scale")])
-def test_geometry_in_another_unit_is_named_and_a_size_that_is_given_wins(factor: float, unit: str) -> None:
-    """Size found, and the unit that would make it a sole; with the size given the sole is where it is in metres."""
-    own = RobotDescription.from_urdf(URDF, **FEET)
-    odd = scaled("box size", factor)
-    with pytest.raises(ModelError, match=rf"{0.2 * factor:.4g} x {0.1 * factor:.4g} m.*{unit}.*200 x 100 mm"):
-        RobotDescription.from_urdf(odd, **FEET)
-    given = RobotDescription.from_urdf(odd, sole_size=(0.2, 0.1), **FEET)
-    assert [sole.placement for sole in given.soles] == [sole.placement for sole in own.soles]
-    smaller = RobotDescription.from_urdf(odd, sole_size=(0.15, 0.08), **FEET)
-    assert (smaller.soles[0].length, smaller.soles[0].width) == (0.15, 0.08)
-
-
-def test_geoms_in_another_unit_are_named() -> None:
-    boxes = '<geom type="box" size="100 50 10" pos="0.03 0 -0.065"/>'
-    xml = re.sub(r'<geom fromto="-0.06 -?0.045[^>]*/>\s*<geom[^>]*/>', boxes, MJCF)
-    with pytest.raises(ModelError, match="200 x 100 m.*in millimetres it would be 200 x 100 mm"):
-        RobotDescription.from_mjcf(xml)
-
-
-@pytest.mark.parametrize(
-    ("attribute", "factor", "words"),
-    [
-        ("<mass value", 1e3, ("2.6e+04 kg", "masses")),
-        ("<mass value", 1e-3, ("0.026 kg", "masses")),
-        ("i[xyz][xyz]", 1e6, ("inertias", "14 kg")),
-        ("i[xyz][xyz]", 1e-6, ("inertias", "14 kg")),
-        ("(?:<mass value|i[xyz][xyz])", 1e3, ("2.6e+04 kg", "masses")),
-    ],
-)
-def test_masses_and_inertias_in_another_unit_are_doubted_with_their_figures(
-    attribute: str, factor: float, words: tuple[str, ...]
-) -> None:
-    doubts = RobotDescription.from_urdf(scaled(attribute, factor), **FEET).doubts()
-    assert any(all(word in line for word in words) for line in doubts)
-
-
-def test_good_units_are_not_doubted() -> None:
-    for own in (RobotDescription.from_urdf(URDF, **FEET), RobotDescription.from_mjcf(MJCF)):
-        assert not [line for line in own.doubts() if "masses" in line or "lengths" in line]
-
-
 @pytest.mark.parametrize("link", ["trunk", "left_foot"])
 def test_a_link_with_the_name_of_mujocos_ground_is_renamed(link: str) -> None:
     feet = {side: "world_link" if name == link else name for side, name in FEET.items()}
