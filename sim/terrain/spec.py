@@ -25,7 +25,6 @@ from wbc.sim.terrain.areas import Area, read_areas
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
-from wbc.sim.terrain.recorded import Recorded
 from wbc.sim.terrain.shapes import Box, Shape, lowered
 
 RAMP = 0.5
@@ -204,8 +203,6 @@ class Terrain:
         """The ground as it is drawn; built at the first query."""
         if isinstance(self.parameters, FieldFamily):
             return self._from_heights(self.parameters)
-        if isinstance(self.parameters, Recorded):
-            return self.parameters.ground
         assert isinstance(self.parameters, ShapeFamily)
         return self._from_shapes(self.parameters)
 

@@ -420,19 +420,21 @@ class Heights(FieldFamily):
 def test_a_log_holds_a_ground_of_ones_own(
     ground: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where nobody knows its family, a replay has the same surface, to 1 µm."""
+    """By its family, which must be known where it is replayed."""
     monkeypatch.setattr(base, "_FAMILIES", copy.copy(base._FAMILIES))
     file = tmp_path / "own.py"
     file.write_text(OWN)
     run_code([file])
     real = terrain(ground, amplitude=0.03, seed=2)
     log = recorded_stand(tmp_path / "own.arrow", terrain=real)
-    del base._FAMILIES[ground]
     shown = Replay(log).plant
     assert shown is not None and shown.terrain.name == ground
     x, y = np.random.default_rng(1).uniform((-1.0, -0.6), (4.0, 0.6), (2000, 2)).T
     np.testing.assert_allclose(shown.terrain.height(x, y), real.height(x, y), atol=1e-6)
     assert np.ptp(shown.terrain.height(x, y)) > 0.02
+    del base._FAMILIES[ground]
+    with pytest.raises(InputError, match=f"ground '{ground}' is not known here.*--code"):
+        Replay(log)
 
 
 def test_a_file_that_is_named_registers_the_feet_of_a_log(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -14,7 +13,6 @@ from wbc.sim.terrain.families.base import Family, ShapeFamily
 from wbc.sim.terrain.families.fields import ISO_LIMITS
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.families.site import Draws, Site
-from wbc.sim.terrain.recorded import Recorded, plain_ground
 from wbc.sim.terrain.shapes import Cylinder, Shape
 from wbc.sim.terrain.spec import terrain
 
@@ -355,23 +353,3 @@ def test_normals_lean_against_the_slope(slope_x: float, slope_y: float) -> None:
     for normal, way in zip(normals, (1.0, -1.0), strict=True):
         flat = way * away / np.linalg.norm(away) * lean
         np.testing.assert_allclose(normal, np.array([*flat, 1.0]) / math.hypot(lean, 1.0), atol=1e-5)
-
-
-def test_a_ground_that_was_recorded_is_the_same_ground() -> None:
-    """Solids of all kinds and a field of heights, to a micrometre; numbers of another shape are refused."""
-    for name in ("patchwork", "pyramidal_stones", "cobble_stones", "sticks", "roof_tiles", "iso8608"):
-        ground = terrain(name, seed=2)
-        plain = json.loads(json.dumps(plain_ground(ground.surface)))
-        again = Recorded.of(name, plain)
-        x, y = np.meshgrid(np.linspace(-0.5, 4.0, 90), np.linspace(-0.4, 0.4, 9))
-        np.testing.assert_allclose(again.ground.height(x, y), ground.height(x, y), atol=2e-6)
-        assert again.name == again.family == name and math.isinf(again.smallest_feature)
-    assert plain["field"] is not None
-    for z in ([1.0, 2.0], [[1.0, 2.0]], [[1.0], [2.0]], [[[1.0, 2.0], [1.0, 2.0]]] * 2):
-        with pytest.raises(InputError, match="rows and columns"):
-            Recorded.of("iso8608", plain | {"field": plain["field"] | {"z": z}})
-    Recorded.of("iso8608", plain | {"field": plain["field"] | {"z": [[1.0, 2.0], [1.0, 2.0]]}})
-    box = json.loads(json.dumps(plain_ground(terrain("slope").surface)))
-    box["shapes"][0]["rotation"] = [1.0, 0.0, 0.0]
-    with pytest.raises(InputError, match="rotation of a recorded Box"):
-        Recorded.of("slope", box)

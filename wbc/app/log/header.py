@@ -9,8 +9,8 @@ title, seed     of the run
 control_period  s; null for a controller of one's own
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
 spec            the specification of the run as plain values; null if there was none
-plant           parts of the plant: description, foot (name, parameters), terrain (family, parameters, track, and of a
-                family of one's own its surface), physics, noise, scene; null without a plant
+plant           parts of the plant: description, foot (name, parameters), terrain (family, parameters, track),
+                physics, noise, scene; null without a plant
 description     the robot of another loop; null with a plant, or if only its model is known
 """
 
@@ -20,6 +20,7 @@ import datetime
 import json
 import math
 import os
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
@@ -27,9 +28,8 @@ from pydantic_core import to_json as to_json_bytes
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
-from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.errors import InputError, shown
 from wbc.base.settings import Period, from_json, to_json
-from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot, foot_name, foot_names
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
@@ -37,7 +37,6 @@ from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.image import GreyMap
-from wbc.sim.terrain.recorded import Recorded, plain_ground
 from wbc.sim.terrain.spec import Terrain
 
 FORMAT = 1
@@ -169,7 +168,7 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
     return {
         "description": to_json(plant.description),
         "foot": {"name": foot_name(plant.foot), "parameters": to_json(plant.foot)},
-        "terrain": {"family": plant.terrain.name, **ground, **_surface(plant.terrain)},
+        "terrain": {"family": plant.terrain.name, **ground},
         "physics": to_json(plant.physics),
         "noise": to_json(plant.noise),
         "timestep": plant.timestep,
@@ -178,19 +177,14 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
     }
 
 
-def _foot_class(name: str) -> type[Foot]:
-    if name not in foot_names():
+def _own(kind: str, name: str, known: Mapping[str, type[Any]]) -> type[Any]:
+    """Return the class of a foot or a ground, which may be one of one's own."""
+    if name not in known:
         raise InputError(
-            f"foot '{name}' is not known here: register it before the log is replayed, or name the file that does with "
-            f"--code; known are {', '.join(foot_names())}"
+            f"{kind} '{name}' is not known here: register it before the log is replayed, or name the file that does "
+            f"with --code; known are {', '.join(known)}"
         )
-    return type(foot(name))
-
-
-def _surface(ground: Terrain) -> dict[str, Any]:
-    """Return the surface of a ground whose family is not of this library, and which readers may not know."""
-    known = type(ground.parameters).__module__.partition(".")[0] == "wbc"
-    return {} if known else {"surface": plain_ground(ground.surface)}
+    return known[name]
 
 
 def read_description(plain: Any) -> RobotDescription:
@@ -199,19 +193,15 @@ def read_description(plain: Any) -> RobotDescription:
 
 
 def read_plant(header: dict[str, Any]) -> Plant:
-    """Return the plant of a header, without sensor errors; feet of one's own must be registered."""
+    """Return the plant of a header, without sensor errors; feet and grounds of one's own must be registered."""
     parts = header["plant"]
     ground = dict(parts["terrain"])
-    name, surface = ground.pop("family"), ground.pop("surface", None)
-    if surface is not None:
-        ground["parameters"] = Recorded.of(name, surface)
-    else:
-        families = terrain_families()
-        family = families.get(name) or unknown_name("terrain", name, families)
-        ground["parameters"] = from_json(family, ground["parameters"])
+    family = _own("ground", ground.pop("family"), terrain_families())
+    ground["parameters"] = from_json(family, ground["parameters"])
+    own_foot = _own("foot", parts["foot"]["name"], {name: type(foot(name)) for name in foot_names()})
     return Plant(
         read_description(parts["description"]),
-        foot=from_json(_foot_class(parts["foot"]["name"]), parts["foot"]["parameters"]),
+        foot=from_json(own_foot, parts["foot"]["parameters"]),
         terrain=Terrain(**ground),
         physics=from_json(PhysicsSettings, parts["physics"]),
         timestep=float(parts["timestep"]),
