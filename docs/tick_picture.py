@@ -10,6 +10,7 @@ from html import escape
 from typing import Any
 
 from wbc.core.drive.control import DriveControl
+from wbc.core.drive.sensing import Sensing
 from wbc.core.qp.solving.solver import QpSolver
 from wbc.walking.control import WalkingControl
 
@@ -76,7 +77,7 @@ def boxes() -> list[tuple[str, str, list[str]]]:
     act = order(DriveControl.act, ACT)
     return [
         ("plant, or robot", "", ["drives", "soles and ground", "sensors", "with errors"]),
-        ("estimate", "", order(DriveControl._estimate, ESTIMATE)),
+        ("estimate", "", order(Sensing.update, ESTIMATE)),
         ("targets", "dashed", order(WalkingControl._follow, TARGETS)),
         ("controller", "blue", ["tasks, contacts, limits", "= one QP, solved by", *ladder]),
         ("command", "", [*act, *order(WalkingControl.act, SOLES)]),

@@ -11,7 +11,7 @@ import pytest
 from at_rest import at_rest
 
 import wbc
-from wbc.core.drive.control import FailurePolicy
+from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.solving.solver import Status

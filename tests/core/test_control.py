@@ -12,7 +12,7 @@ from at_rest import at_rest
 from task_factory import near_half_sitting, standing
 
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.core.drive.control import FailurePolicy
+from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.servos import Servos
 from wbc.core.drive.torque import HybridControl, TorqueControl

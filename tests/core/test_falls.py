@@ -13,7 +13,7 @@ from faults import silence
 
 import wbc
 from wbc import Measurement
-from wbc.core.drive.control import SafetySettings
+from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.falls import LASTING, SLOPE, FallDetector, FallReason
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector

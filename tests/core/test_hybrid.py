@@ -9,7 +9,7 @@ import pytest
 from task_factory import standing
 
 from wbc import Command, HybridControl, InputError, Measurement, Plant, balance_controller, walk
-from wbc.core.drive.control import FailurePolicy
+from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.gate import CommandGate
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import Robot

@@ -209,3 +209,90 @@ def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, optio
         PolicyGuard(policy, walking)
     with pytest.raises(InputError):
         bobbing(longest=0.0)
+
+
+def test_doubts_failures_and_time_go_on_over_a_change() -> None:
+    """A force sensor has the other sign from the start, and the network fails once."""
+    plant, guard, network = guarded()
+    monitor, time, wrong = guard.drives.watch(), 0.0, 0
+
+    def tick() -> None:
+        m = plant.measure()
+        plant.step(guard.command(dataclasses.replace(m, sole_wrench=-m.wrenches)))
+
+    for _ in range(150):
+        tick()
+        assert guard.drives.time == pytest.approx(time := time + DT)
+    doubts, pull = monitor.doubts, guard.drives.plausibility.pull
+    assert doubts and "sign" in pull
+    break_by_nan(network)
+    while not guard.relieved:
+        tick()
+        wrong += 1
+    assert guard.drives.monitor is monitor and monitor.doubts == doubts
+    assert pull in guard.status() and doubts[0] in guard.status()
+    assert guard.drives.failures == 1 and guard.drives.time == pytest.approx(time + wrong * DT)
+    tick()
+    assert guard.drives.failures == 1 and not guard.drives.failing
+    assert guard.policy.drives.failures == guard.walking.drives.failures
+
+
+def test_a_walk_that_takes_over_finds_its_qp_made() -> None:
+    """QP and solver are made before, and again once the policy has the robot back."""
+    plant, guard, _ = guarded()
+    qp = guard.walking.controller
+    for _ in range(2):
+        made = qp.problem
+        assert qp.solution is None
+        guard.take_over()
+        run_guard(plant, guard, 2 * DT)
+        assert guard.relieved and qp.solution is not None and qp.problem is made
+        run_guard(plant, guard, 1.0)
+        guard.hand_back()
+        run_guard(plant, guard, 2 * DT)
+
+
+def test_a_robot_that_is_stopped_stays_so_whoever_takes_over() -> None:
+    plant, guard, _ = guarded()
+    nothing = dataclasses.replace(plant.measure(), joint_position=np.full(len(G1.joint_names), np.nan))
+    for _ in range(100):
+        guard.command(nothing)
+    assert guard.drives.stopped
+    guard.take_over()
+    run_guard(plant, guard, 0.05)
+    assert guard.fallen is not None and guard.walking.drives.stopped
+    plant.reset()
+    guard.reset()
+    run_guard(plant, guard, 0.05)
+    assert guard.fallen is None and guard.status() == "ok"
+
+
+def test_a_walk_with_a_robot_of_its_own_takes_over_where_the_estimate_is() -> None:
+    plant, first, _ = guarded()
+    policy, settings = first.policy, WalkingControlSettings(mode="hybrid")
+    own = policy.controller.robot.clone()
+    guard = PolicyGuard(policy, WalkingControl(own, None, DT, settings, observer=policy.drives.observer))
+    plant.push("torso", np.array([60.0, 0.0, 0.0]), 0.1)
+    run_guard(plant, guard, 0.2)
+    guard.take_over()
+    command = guard.command(plant.measure())
+    estimate = policy.drives.observer.robot
+    assert np.abs(own.q - estimate.q).max() < 1e-12
+    assert np.abs(command.joint_position - estimate.q[7:]).max() < 0.01
+
+
+def test_a_release_that_is_refused_leaves_what_was_told() -> None:
+    _, guard, _ = guarded()
+    right, left = (f"{side}_elbow_joint" for side in ("right", "left"))
+    released = guard.release([right])
+    others = guard.walking.drives.released
+    for names in ([left, left], ["left_knee_joint"], ["no joint"]):
+        with pytest.raises(InputError):
+            guard.release(names)
+        assert guard.drives.released is released and guard.walking.drives.released is others
+    shared = PolicyGuard(bobbing(arms=[left])[1])
+    shared.walking.release([right])
+    mine = shared.walking.drives.released
+    with pytest.raises(InputError, match="shared"):
+        shared.release([left])
+    assert shared.walking.drives.released is mine

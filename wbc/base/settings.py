@@ -360,7 +360,7 @@ def in_units(values: T, units: Mapping[str, float | tuple[float, ...]]) -> T:
         return units.get(next(named, ""), 1.0)
 
     changes: dict[str, Any] = {}
-    for name, hint in typing.get_type_hints(type(values), include_extras=True).items():
+    for name, hint in _hints(typing.cast(type, type(values))).items():
         value, unit = getattr(values, name), factor(hint)
         if isinstance(value, tuple):
             unit = unit if isinstance(unit, tuple) else (unit,) * len(value)

@@ -16,7 +16,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, names_in, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Period, Positive
-from wbc.core.drive.control import FailurePolicy, SafetySettings, State
+from wbc.core.drive.control import State
+from wbc.core.drive.failures import FailurePolicy
+from wbc.core.drive.sensing import SafetySettings
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.frames import heading

@@ -12,7 +12,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, State
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.signals import Command
+from wbc.core.robot import GRAVITY
+from wbc.core.signals import Command, Measurement
 from wbc.ground import ElevationMap, PointCloud
 from wbc.policy.control import PolicyControl
 from wbc.walking.control import WalkingControl
@@ -41,7 +42,8 @@ class PolicyGuard(SteeredControl):
 
     Attributes:
         policy: The policy.
-        walking: The walk that takes over, on the observer of the policy, in torque or hybrid control.
+        walking: The walk that takes over, in torque or hybrid control. Its drives share estimate, checks of sensors,
+            failures, clock and gate with those of the policy (`DriveControl.share`).
         relieved: Reason for which the policy has been relieved; empty while it controls the robot.
     """
 
@@ -54,7 +56,8 @@ class PolicyGuard(SteeredControl):
         Args:
             policy: The policy.
             walking: Walk that takes over, made with the observer and the period of the policy; a new one in torque
-                control when None.
+                control when None. Its reactions to failures and falls, and its ranges of measurements, are those of the
+                policy from now on.
 
         Raises:
             InputError: A walk on another observer, with another period, or one that cannot begin on its way.
@@ -65,17 +68,27 @@ class PolicyGuard(SteeredControl):
             walking = WalkingControl(
                 robot, None, dt, settings, observer=policy.drives.observer, ground=policy.ground
             )
-        if walking.drives.observer is not policy.drives.observer:
-            raise InputError(
-                "the walk of a guard must be made with observer=policy.drives.observer: one estimate for both"
-            )
-        if walking.dt != dt:
-            raise InputError(
-                f"the walk of a guard must have the period of the policy, {dt:g} s, got {walking.dt:g} s"
-            )
-        self.policy, self.walking, self.relieved = policy, walking, ""
         walking.check_begin()
+        walking.drives.share(policy.drives)
+        self.policy, self.walking, self.relieved = policy, walking, ""
         self._asked = ""  # to take over in the next tick
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Let the walk make a tick of a robot at rest, and begin anew, so that its first real tick makes nothing."""
+        policy, drives = self.policy, self.walking.drives
+        robot, estimate = policy.controller.robot, drives.observer.robot
+        q = np.array(estimate.q)
+        wrench = np.zeros((len(robot.soles), 6))
+        wrench[:, 2] = robot.mass * GRAVITY / len(wrench)
+        up = estimate.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
+        zero = np.zeros(robot.na)
+        m = Measurement(0.0, q[robot.base_nq :], zero, np.zeros(3), up, wrench)
+        state = State(estimate, m, wrench[:, 2], m, ok=True)
+        self.walking.begin(state)
+        self.walking.act(state)
+        policy.reset(q)
+        self.walking.begin(state)
 
     def act(self, state: State) -> Command:
         """End a tick by the policy, or by the walk."""
@@ -88,7 +101,6 @@ class PolicyGuard(SteeredControl):
         logger.error("the policy is relieved: %s", reason)
         self.relieved, contacts = reason, self.policy.contacts
         self.walking.begin(state, contacts.air, contacts.landed)
-        self.walking.drives.wrenches = self.policy.drives.wrenches  # it knows which foot is in the air
         return self.walking.act(state)
 
     def take_over(self, reason: str = "asked for") -> None:
@@ -106,26 +118,27 @@ class PolicyGuard(SteeredControl):
         if self.fallen is not None or not self.walking.stands:
             raise InputError("a robot must stand before a policy controls it again")
         self.policy.resume()
-        self.relieved = ""
+        self._policy_again()
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave joints to somebody else, whoever controls the robot; see `PolicyControl.release`.
 
         The joints that are returned are those of the one who controls the robot now. The other one goes by what is
-        measured of them. What one of them refuses changes nothing of the other.
+        measured of them. What one of them refuses is released by neither, and joints released before stay so.
         """
-        before = self.walking.controller.released
+        self.policy.controller.check_release(joints)
         self.walking.release(joints)
-        try:
-            self.policy.release(joints)
-        except InputError:
-            self.walking.release(() if before is None else before.joints)
-            raise
+        self.policy.release(joints)
         return self.drives.released
 
     def reset(self, q: Array | None = None) -> None:
         """Let the policy begin anew from a configuration at rest, shape (nq,); half-sitting when None."""
         self.policy.reset(q)
+        self._policy_again()
+
+    def _policy_again(self) -> None:
+        """Let the policy control the robot, and the QP of the walk be made before it takes over again."""
+        self.walking.controller.reset()
         self.relieved = self._asked = ""
 
     def _failure(self, state: State) -> str:

@@ -6,7 +6,8 @@ from dataclasses import field
 from typing import Annotated
 
 from wbc.base.settings import Positive, settings
-from wbc.core.drive.control import Mode, SafetySettings
+from wbc.core.drive.control import Mode
+from wbc.core.drive.sensing import SafetySettings
 from wbc.core.qp.solving.solver import SolverSettings
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings

@@ -1,4 +1,4 @@
-"""Drives: the tick of a control (`control`), its modes (position, torque, hybrid), the limits of commands, and servos.
+"""Drives: the tick of a control (`control`), from estimate (`sensing`) over modes and `failures` to the `gate`; servos.
 
 Each mode is a `wbc.core.drive.control.DriveControl`.
 """

@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -24,12 +24,14 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import NonNegative, Positive, settings
+from wbc.base.settings import Positive
+from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
 from wbc.core.drive.gate import CommandGate
-from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
+from wbc.core.drive.sensing import SafetySettings, Sensing
+from wbc.core.estimation.consistency import ConsistencyMonitor
 from wbc.core.estimation.falls import FallDetector, FallReason
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
+from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
@@ -85,38 +87,6 @@ class State(NamedTuple):
     hip_turn: float = 0.0
     hand_wrench: Array | None = None
     compliance: float = 0.0
-
-
-@settings
-class FailurePolicy:
-    """Reaction to ticks without a solution or with a measurement that cannot be used.
-
-    The last good command is held while the motion is damped; when failures continue, the robot is stopped: position
-    control freezes its references, torque control only damps. A stopped control stays stopped until `reset`.
-
-    Attributes:
-        damping_time: Time constant with which reference velocities decay while a command is held, s.
-        joint_damping: Damping of a joint in torque control over its torque limit, s/rad.
-        stop_after: Time of uninterrupted failure after which the robot is stopped, s.
-    """
-
-    damping_time: Annotated[Positive, "s"] = 0.05
-    joint_damping: Annotated[NonNegative, "s/rad"] = 0.02
-    stop_after: Annotated[NonNegative, "s"] = 0.1
-
-
-@settings
-class SafetySettings:
-    """Ranges of measurements and commands, and the reaction to a fall.
-
-    Attributes:
-        plausibility: Ranges that measurements must keep.
-        on_fall: Reaction to a fall, after which nothing recovers: "damp" sends damping alone until `reset`, "go on"
-            solves on, for a controller that stands up or falls in a way of its own.
-    """
-
-    plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
-    on_fall: Literal["damp", "go on"] = "damp"
 
 
 class Control:
@@ -193,24 +163,15 @@ class Control:
 
 
 class DriveControl(Control):
-    """Base of all modes: plausibility, observer, failures, the last solution and the gate.
+    """Base of all modes: one tick, from the estimate over the solution of the QP, or another law, to the gate.
 
-    A mode has `reset`, and two methods that make a command: `_follow` a solution, or `_hold` without one.
+    A mode has `reset`, and three methods that make a command: `_follow` a solution, `_hold` in a tick that has failed,
+    and `_damp` after a fall.
 
     Attributes:
         controller: The controller.
-        observer: Observer that estimates the state from measurements.
-        failure_policy: Reaction to failures.
-        measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        time: Time since the control was made, s; one control period in each tick.
-        wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
-        failures: Number of failed ticks so far.
-        reason: Reason of the last failure, or of the first of a row.
-        plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other, after `watch`; None in a simulation as a rule.
-        accelerometer: Check of the direction of the specific force.
+        sensing: Checks of measurements, observer, monitor, falls and clock.
         gate: Limits of commands.
-        falls: Detector of a fall, by the estimate.
     """
 
     restarts = True
@@ -229,30 +190,47 @@ class DriveControl(Control):
         `failure_policy` is the reaction to failures, `safety` the ranges of measurements and commands.
         """
         self.controller = controller
-        self.observer = Observer(controller.robot) if observer is None else observer
-        if self.observer.robot.model is not controller.robot.model:
+        observer = Observer(controller.robot) if observer is None else observer
+        if observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
-        controller.run_by("position" if self._moves_references else "torque", self.observer.robot)
-        self.failure_policy = failure_policy or FailurePolicy()
-        robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
-        self.plausibility = Plausibility(robot, dt, safety.plausibility)
-        self.monitor: ConsistencyMonitor | None = None
-        self.accelerometer = AccelerometerCheck(dt)
+        controller.run_by("position" if self._moves_references else "torque", observer.robot)
+        robot, dt = controller.robot, controller.dt
+        self.sensing = Sensing(robot, observer, dt, safety or SafetySettings())
+        self._record = FailureRecord(failure_policy or FailurePolicy(), robot.torque_limit, dt)
         self.gate = CommandGate(robot, dt)
-        self.wrenches: WrenchEstimator | None = None
-        self.failures = 0
-        self.reason = ""
-        self.measurement: Measurement | None = None
-        self.time = 0.0
-        self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
         self._dcm_limit = FEET_STAY
-        self._torques = np.zeros(controller.robot.na)
-        # Last good command of a law, and its torques, positions, kp and kd.
-        self._relayed: Command | None = None
-        self._kept = tuple(np.zeros((4, controller.robot.na)))
-        self._failing = 0
-        # Acceleration that the last command asks for: that of the solution, or none of another command.
-        self._asked = self._unasked = np.zeros(controller.robot.nv)
+        self._torques = np.zeros(robot.na)  # of the last solution
+        self._held = HeldCommand(robot.na)
+
+    def share(self, other: DriveControl) -> None:
+        """Drive a robot in turns with other drives: have their estimate, checks, failures, clock and gate from now on.
+
+        Only one of the two drives the robot in a tick. Ranges of measurements and reactions to failures and falls are
+        those of the other drives.
+
+        Raises:
+            InputError: Drives on another observer, or with another control period.
+        """
+        if other.observer is not self.observer:
+            raise InputError("drives that share an estimate must be made with the same observer")
+        if (own := self.controller.dt) != (period := other.controller.dt):
+            raise InputError(
+                f"drives that share an estimate must have the same period, got {own:g} s and {period:g} s"
+            )
+        self.sensing, self._record, self.gate = other.sensing, other._record, other.gate
+
+    def _forget(self) -> None:
+        """Forget the run so far: measurements, a fall, failures, and the last solution and command."""
+        self.sensing.reset()
+        self._record.reset()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin where the robot is, without a last solution or command."""
+        self.controller.reset()
+        self._torques = np.zeros_like(self._torques)
+        self._held.forget()
+        self.gate.reset(self.controller.robot.q[7:])
 
     @property
     def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns it
@@ -263,20 +241,72 @@ class DriveControl(Control):
         """Begin anew from a configuration at rest, shape (nq,); half-sitting when None."""
         raise NotImplementedError
 
+    # ---- what is known ------------------------------------------------------------------------------------------
+
     @property
-    def solution(self) -> Solution | None:
-        """Result of the QP in the last tick; None before the first one."""
-        return self.controller.solution
+    def observer(self) -> Observer:
+        """Observer that estimates the state from measurements."""
+        return self.sensing.observer
+
+    @property
+    def plausibility(self) -> Plausibility:
+        """Check of measurements."""
+        return self.sensing.plausibility
+
+    @property
+    def monitor(self) -> ConsistencyMonitor | None:
+        """Monitor of sensors that contradict each other, after `watch`; None in a simulation as a rule."""
+        return self.sensing.monitor
+
+    @property
+    def wrenches(self) -> WrenchEstimator | None:
+        """Estimator of the wrenches of feet without force sensors; None while they are measured."""
+        return self.sensing.wrenches
+
+    @property
+    def falls(self) -> FallDetector:
+        """Detector of a fall, by the estimate."""
+        return self.sensing.falls
+
+    @property
+    def measurement(self) -> Measurement | None:
+        """Last measurement that was used, with what was refused replaced by predictions; None before one."""
+        return self.sensing.measurement
+
+    @property
+    def time(self) -> float:
+        """Time since the control was made, s; one control period in each tick."""
+        return self.sensing.time
+
+    @property
+    def failure_policy(self) -> FailurePolicy:
+        """Reaction to failures."""
+        return self._record.policy
+
+    @property
+    def failures(self) -> int:
+        """Number of failed ticks so far."""
+        return self._record.count
+
+    @property
+    def reason(self) -> str:
+        """Reason of the last failure, or of the first of a row."""
+        return self._record.reason
 
     @property
     def failing(self) -> bool:
         """True if the last tick has failed."""
-        return self._failing > 0
+        return self._record.failing
 
     @property
     def stopped(self) -> bool:
         """True after failures have gone on for too long; `reset` starts again."""
-        return self._failing * self.controller.dt > self.failure_policy.stop_after
+        return self._record.stopped
+
+    @property
+    def solution(self) -> Solution | None:
+        """Result of the QP in the last tick; None before the first one."""
+        return self.controller.solution
 
     @property
     def fallen(self) -> FallReason | None:
@@ -286,43 +316,25 @@ class DriveControl(Control):
     @property
     def damped(self) -> bool:
         """True once a fall has ended in damping; `reset` starts again."""
-        return self.falls.reason is not None and self._on_fall == "damp"
-
-    def _forget(self) -> None:
-        """Clear failures, a fall, the last measurement, the last solution and the last torques."""
-        self.controller.reset()
-        self.measurement = None
-        self.falls.reset()
-        self._torques, self._relayed = np.zeros_like(self._torques), None
-        self._asked = self._unasked
-        self._failing = 0
-        self.reason = ""
-        self.plausibility.reset()
-        if self.monitor is not None:
-            self.monitor.reset()
-        self.accelerometer.reset()
-        self.gate.reset(self.controller.robot.q[7:])
-        self.wrenches = None
+        return self.falls.reason is not None and self.sensing.on_fall == "damp"
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
-        parts = []
+        parts, sensing = [], self.sensing
         if self.falls.reason is not None:
             parts.append(f"fallen: {self.falls.reason.value}{'; damped' if self.damped else ''}")
-        if self.stopped:
-            parts.append(f"stopped: {self.reason}")
-        elif self._failing:
-            parts.append(f"failing: {self.reason}")
+        if self.failing:
+            parts.append(f"{'stopped' if self.stopped else 'failing'}: {self.reason}")
         if self._balance_lost():
             parts.append("balance lost: the DCM is out of reach")
-        if self.plausibility.faults:
-            parts.append(f"refused: {', '.join(self.plausibility.faults)}")
-        if self.accelerometer.left_out:
+        if sensing.plausibility.faults:
+            parts.append(f"refused: {', '.join(sensing.plausibility.faults)}")
+        if sensing.accelerometer.left_out:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
-        parts += [each for each in (self.plausibility.pull, self.plausibility.pace) if each]
-        if self.monitor is not None and self.monitor.doubts:
-            parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
-        if self.solution is not None and not self._failing:
+        parts += [each for each in (sensing.plausibility.pull, sensing.plausibility.pace) if each]
+        if sensing.monitor is not None and sensing.monitor.doubts:
+            parts.append(f"doubtful: {', '.join(sensing.monitor.doubts)}")
+        if self.solution is not None and not self.failing:
             parts += UNUSUAL.get(self.solution.status, ())
         if self.gate.faults:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
@@ -333,10 +345,7 @@ class DriveControl(Control):
 
         `status` then names sensors that are frozen, dead or contradict each other.
         """
-        if self.monitor is None:
-            robot, dt = self.controller.robot, self.controller.dt
-            self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names)
-        return self.monitor
+        return self.sensing.watch()
 
     @property
     def dcm_limit(self) -> float:
@@ -359,20 +368,24 @@ class DriveControl(Control):
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
         return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
     def estimate(self, measurement: Measurement) -> State:
         """Begin a tick: estimate the state, bring the controller's robot there, and return it.
 
         `State.ok` is False for a measurement that cannot be used; nothing is raised.
         """
-        observer, start, dt, last = self.observer, perf_counter(), self.controller.dt, self.measurement
-        self.time = time = self.time + dt
+        sensing, start, dt = self.sensing, perf_counter(), self.controller.dt
+        observer, last = sensing.observer, sensing.measurement
+        sensing.time = time = sensing.time + dt
         try:
             released, soles = self.controller.released, self._reference_soles()
-            self.measurement = plausible = self._estimate(measurement, soles)
+            forgiven = None if released is None else released.mask
+            plausible = sensing.update(measurement, soles, forgiven, follows=self._follows_estimate)
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
-            if self.falls.reason is None and (reason := self.falls.update(estimate.q, estimate.v)):
+            if sensing.falls.reason is None and (reason := sensing.falls.update(estimate.q, estimate.v)):
                 self._fall(reason)
             if released is not None:
                 solved = None if self.solution is None else self.solution.accelerations
@@ -391,9 +404,9 @@ class DriveControl(Control):
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""
         if isinstance(error, MeasurementError):
-            self._fail(f"measurement refused: {error}")
+            self._record.add(f"measurement refused: {error}")
         else:
-            self._fail(f"{type(error).__name__} in the tick: {error}", error)
+            self._record.add(f"{type(error).__name__} in the tick: {error}", error)
         return state._replace(ok=False)
 
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
@@ -405,14 +418,15 @@ class DriveControl(Control):
                 shape (6,), N and Nm, in the frame of the contact; for example the desired wrenches of a stabilizer
                 (`StabilizerTask.wrenches`).
         """
-        self._asked = self._unasked
+        self._held.forget()
+        acceleration = None
         if self.damped:
             command = self._damp(state)
+        elif not state.ok or (solution := self._solve(state, wrenches)) is None:
+            command = self._hold(state)
         else:
-            solution = self._solve(state, wrenches) if state.ok else None
-            command = self._hold(state) if solution is None else self._follow(state, solution)
-        self._relayed = None
-        return self._finish(command)
+            command, acceleration = self._follow(state, solution), solution.accelerations
+        return self._finish(command, acceleration)
 
     def relay(self, state: State, law: Callable[[State], Command]) -> Command:
         """End a tick with the command of another law than the QP's, such as that of a policy.
@@ -425,55 +439,31 @@ class DriveControl(Control):
             state: State of this tick.
             law: Function of the state that makes the command; it is called in ticks alone that have not failed.
         """
-        self._asked = self._unasked
         if self.damped or self.stopped:
             return self._finish(self._damp(state))
-        command = None
         if state.ok:
             try:
-                self._keep(command := law(state))
-                self._failing = 0
+                self._held.keep(command := law(state))
             except Exception as error:  # of a law of the user's own
-                state, command = self.refuse(state, error), None
-        return self._finish(self._hold_relayed(state) if command is None else command)
+                state = self.refuse(state, error)
+            else:
+                self._record.good()
+                return self._finish(command)
+        if self._held.empty:
+            return self._finish(self._hold(state))
+        return self._finish(self._held.at_rest(self.gate, self._record.damping, self._joints(state)))
 
-    def _hold_relayed(self, state: State) -> Command:
-        """Return the last command of a law at rest, within the limits; what the drives hold where there is none."""
-        if (last := self._relayed) is None:
-            return self._hold(state)
-        torque, position, kp, kd = self._kept
-        if last.joint_position is None:
-            return self.gate.pass_on(torque + self._damping(state))
-        self.gate.reset(position)  # a law need not move the references of the gate
-        still = np.zeros_like(position)
-        if last.kp is None or last.kd is None:
-            return self.gate.pass_on(torque, position, still)
-        damping = self.failure_policy.joint_damping * self.controller.robot.torque_limit
-        gains = kp, np.where(kd > 0.0, kd, damping)  # no joint of a torque alone speeds up
-        return self.gate.pass_on_with_gains(
-            torque, position, still, gains, self.plausibility.joints(state.received)
-        )
+    def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
+        """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.
 
-    def _keep(self, command: Command) -> None:
-        """Keep the parts of a law's command that are held, since its arrays belong to who gets it."""
-        torque, position, kp, kd = self._kept
-        torque[:] = command.joint_torque
-        if command.joint_position is not None:
-            position[:] = command.joint_position
-            if command.kp is not None and command.kd is not None:
-                kp[:], kd[:] = command.kp, command.kd
-        self._relayed = command
-
-    def _finish(self, command: Command) -> Command:
-        """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it."""
+        It asks for an acceleration, shape (nv,); None for a command that is not of a solution.
+        """
         if (released := self.released) is not None:
             for part in (command.joint_torque, command.kp, command.kd):
                 if part is not None:
                     part[released.index] = 0.0
             command = replace(command, released=released.mask)
-        if self.wrenches is not None:
-            self.wrenches.sent(command)
-        self.observer.commanded(self._asked, self.controller.dt)
+        self.sensing.sent(command, acceleration)
         return command
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
@@ -509,17 +499,16 @@ class DriveControl(Control):
         raise NotImplementedError
 
     def _hold(self, state: State) -> Command:
-        """Return the command of a tick that has failed."""
+        """Return the command of a tick that has failed, after one of the QP; once stopped, that of a robot at rest."""
         raise NotImplementedError
 
     def _damp(self, state: State) -> Command:
         """Return the command of a robot that has fallen: no stiffness, no torque, damping alone."""
         raise NotImplementedError
 
-    def _damping(self, state: State) -> Array:
-        """Return the torques that damp the joints, shape (na,), Nm."""
-        velocity = np.nan_to_num(self.plausibility.joints(state.received)[1], nan=0.0)
-        return np.asarray(-self.failure_policy.joint_damping * self.controller.robot.torque_limit * velocity)
+    def _joints(self, state: State) -> tuple[Array, Array]:
+        """Return q and q̇ of the joints as received, shape (na,) each; NaN where they are impossible or refused."""
+        return self.sensing.plausibility.joints(state.received)
 
     def _fall(self, reason: FallReason) -> None:
         """Log a fall; a robot that leans on something with its hands has its support elsewhere than under its feet."""
@@ -545,52 +534,11 @@ class DriveControl(Control):
             self.refuse(state, error)
             return None
         if not solution.ok or self.stopped:
-            self._fail("failed for too long" if solution.ok else solution.status.value)
+            self._record.add("failed for too long" if solution.ok else solution.status.value)
             return None
-        self._failing = 0
-        self._asked = solution.accelerations
+        self._record.good()
         return solution
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         """Return the torques that the drives get with a solution, shape (na,), Nm."""
         return self.controller.torques(solution, wrenches)
-
-    def _estimate(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None) -> Measurement:
-        """Update the estimate from what is plausible of a measurement, and return that."""
-        blind = type(measurement) is Measurement and measurement.sole_wrench is None
-        if blind:
-            measurement = self._estimator().fill(measurement)
-        released = self.controller.released
-        forgiven = None if released is None else released.mask
-        measurement, renewed = self.plausibility.check(measurement, felt=not blind, forgiven=forgiven)
-        if measurement.sole_wrench is None:  # a sensor that is refused for too long
-            blind, measurement = True, self._estimator().fill(measurement)
-        observer = self.observer
-        if renewed:
-            observer.resume(measurement.time - self.controller.dt)
-        measurement = self.accelerometer.check(measurement, observer)
-        observer.update(measurement, soles, plausible=True)
-        if blind:
-            measurement = self._estimator().observe(measurement, *observer.measured_state, observer.lifts)
-        if self.monitor is not None:
-            asked = None if self._asked is self._unasked or not self._follows_estimate else self._asked
-            self.monitor.update(self.plausibility.values, measurement, observer, asked)
-        return measurement
-
-    def _estimator(self) -> WrenchEstimator:
-        """Return the estimator of wrenches, which is made when it is needed first."""
-        if self.wrenches is None:
-            robot, settings = self.controller.robot, self.observer.settings
-            dt, delay = self.controller.dt, settings.delay
-            self.wrenches = WrenchEstimator(robot, dt, settings.wrenches, delay=delay)
-        return self.wrenches
-
-    def _fail(self, reason: str, error: Exception | None = None) -> None:
-        """Count a failed tick and log the first of a row and the stop."""
-        stopped = self.stopped
-        self.failures += 1
-        self._failing += 1
-        if self._failing == 1 or self.stopped != stopped:
-            self.reason = reason
-            state = "; stopped" if self.stopped else "; command held"
-            logger.error("tick failed (%s)%s", reason, state, exc_info=error)

@@ -16,7 +16,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive
-from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
+from wbc.core.drive.control import DriveControl, State
+from wbc.core.drive.failures import FailurePolicy
+from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
@@ -105,23 +107,23 @@ class PositionControl(DriveControl):
     def _follow(self, state: State, solution: Solution) -> Command:
         if self.feedback == "closed":
             self._draw()
-        return self._limited(solution.accelerations)
+        return self._move(solution.accelerations)
 
     def _hold(self, state: State) -> Command:
         """Let the motion decay; once stopped, freeze the references."""
         dt = self.controller.dt
-        return self._limited(-self.v / (dt if self.stopped else max(self.failure_policy.damping_time, dt)))
+        return self._move(-self.v / (dt if self.stopped else max(self.failure_policy.damping_time, dt)))
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
-        robot, (position, velocity) = self.controller.robot, self.plausibility.joints(state.received)
+        robot, (position, velocity) = self.controller.robot, self._joints(state)
         position = np.where(np.isnan(position), self.q[7:], position)
         position = np.clip(position, robot.position_lower, robot.position_upper)
-        none, damping = np.zeros(robot.na), self.failure_policy.joint_damping * robot.torque_limit
+        none, damping = np.zeros(robot.na), self._record.damping
         self.gate.reset(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
 
-    def _limited(self, acceleration: Array) -> Command:
+    def _move(self, acceleration: Array) -> Command:
         """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
         step = np.multiply(acceleration, self._half_square, out=self._step)

@@ -11,7 +11,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
-from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
+from wbc.core.drive.control import DriveControl, State
+from wbc.core.drive.failures import FailurePolicy
+from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
@@ -48,8 +50,18 @@ class TorqueControl(DriveControl):
         self._forget()
 
     def resume(self) -> None:
-        """Restart from the present estimate, which another control has kept with the same observer."""
-        self._forget()
+        """Begin from the present estimate, which another control has kept with the same observer.
+
+        Drives that share their estimate (`share`) keep doubts, refusals, failures and a fall; others forget theirs,
+        which are old.
+        """
+        if self.sensing.stale:
+            self.sensing.reset()
+            self._record.reset()
+        robot, estimate = self.controller.robot, self.observer.robot
+        if robot is not estimate:
+            robot.update(estimate.q, estimate.v)
+        self._begin()
 
     def _follow(self, state: State, solution: Solution) -> Command:
         return self.gate.pass_on(self._torques)
@@ -59,6 +71,10 @@ class TorqueControl(DriveControl):
 
     def _damp(self, state: State) -> Command:
         return self.gate.pass_on(self._damping(state))
+
+    def _damping(self, state: State) -> Array:
+        """Return the torques that damp the joints, shape (na,), Nm."""
+        return -self._record.damping * np.nan_to_num(self._joints(state)[1], nan=0.0)
 
 
 class HybridControl(TorqueControl):
@@ -137,25 +153,23 @@ class HybridControl(TorqueControl):
         if (released := self.controller.released) is not None:
             index = released.index
             self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
-        return self._limited(state, self._torques, (self.kp, self.kd))
+        return self._command(state, self._torques, (self.kp, self.kd))
 
     def _hold(self, state: State) -> Command:
         """Hold references and torques while the servos damp; once stopped, only damp."""
         if self.stopped:
             return self._damp(state)
         self.v[:] = 0.0
-        return self._limited(state, self._torques, (self.kp, self.kd))
+        return self._command(state, self._torques, (self.kp, self.kd))
 
     def _damp(self, state: State) -> Command:
-        damping = self.failure_policy.joint_damping * self.controller.robot.torque_limit
-        position, _ = self.plausibility.joints(state.received)
+        position, _ = self._joints(state)
         self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
-        return self._limited(state, self._off, (self._off, np.maximum(self.kd, damping)))
+        return self._command(state, self._off, (self._off, np.maximum(self.kd, self._record.damping)))
 
-    def _limited(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
+    def _command(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
-        measured = self.plausibility.joints(state.received)
-        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, measured)
+        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, self._joints(state))
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[:], self.v[:] = command.joint_position, command.joint_velocity

@@ -247,6 +247,11 @@ class Observer:
         """Configuration, shape (nq,), and velocity, shape (nv,), at the last measurement; valid until the next one."""
         return self._q, self._v
 
+    @property
+    def time(self) -> float | None:
+        """Time stamp of the last measurement, s; None before one."""
+        return self._time
+
     def commanded(self, acceleration: Array, dt: float) -> None:
         """Take the acceleration, shape (nv,), of the command that is sent now for dt, s, to bridge known delays."""
         if self._predictor is not None:

@@ -123,13 +123,17 @@ class Controller(Items):
             UnknownNameError: The robot has no such joint.
             InputError: A joint in a leg or given twice, or the QP shares the joints with a policy.
         """
-        names = names_in("joints to release", joints)
-        released = ReleasedJoints(self.robot, names) if names else None
+        released = self.check_release(joints)
         if self._released is not None:
-            if self._released.commanded:
-                raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
             self.remove(self._released)
         return released if released is None else self.add(released)
+
+    def check_release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """Return the joints that `release` would return, and release nothing; it raises the same errors."""
+        names = names_in("joints to release", joints)
+        if self._released is not None and self._released.commanded:
+            raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
+        return ReleasedJoints(self.robot, names) if names else None
 
     @property
     def released(self) -> ReleasedJoints | None:
@@ -246,14 +250,18 @@ class Controller(Items):
         self._dirty = False
 
     def reset(self) -> None:
-        """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver."""
-        self._torques = self._commanded = self._solution = None
-        self._differs = False
-        self._dirty = True
+        """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver.
+
+        The QP is made anew at once, where it has been solved or its items have changed, so that no tick has to.
+        """
         for task in self._tasks:
             task.reset()
         for contact in self._contacts:
             contact.reset()
+        if self._dirty or self._solution is not None:
+            self._rebuild()
+        self._torques = self._commanded = self._solution = None
+        self._differs = False
 
     # ---- explanations -------------------------------------------------------------------------------------------
 

@@ -1,0 +1,126 @@
+"""Failures of ticks: the reaction to them, their record, and the last command of a law, which is held meanwhile."""
+
+from __future__ import annotations
+
+import logging
+from typing import Annotated
+
+import numpy as np
+
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, settings
+from wbc.core.drive.gate import CommandGate
+from wbc.core.signals import Command
+
+logger = logging.getLogger(__name__)
+
+
+@settings
+class FailurePolicy:
+    """Reaction to ticks without a solution or with a measurement that cannot be used.
+
+    The last good command is held while the motion is damped; when failures continue, the robot is stopped: position
+    control freezes its references, torque control only damps. A stopped control stays stopped until `reset`.
+
+    Attributes:
+        damping_time: Time constant with which reference velocities decay while a command is held, s.
+        joint_damping: Damping of a joint in torque control over its torque limit, s/rad.
+        stop_after: Time of uninterrupted failure after which the robot is stopped, s.
+    """
+
+    damping_time: Annotated[Positive, "s"] = 0.05
+    joint_damping: Annotated[NonNegative, "s/rad"] = 0.02
+    stop_after: Annotated[NonNegative, "s"] = 0.1
+
+
+class FailureRecord:
+    """Record of the failed ticks of a run.
+
+    Attributes:
+        policy: Reaction to failures.
+        damping: Damping of the joints by this policy, shape (na,), Nms/rad (or Ns/m).
+        count: Number of failed ticks so far.
+        reason: Reason of the last failure, or of the first of a row.
+    """
+
+    def __init__(self, policy: FailurePolicy, torque_limit: Array, dt: float) -> None:
+        """Begin without failures of a robot with these limits, shape (na,), Nm; dt is the control period, s."""
+        self.policy, self._dt, self.count = policy, dt, 0
+        self.damping = policy.joint_damping * torque_limit
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew; the count goes on."""
+        self._row, self.reason = 0, ""
+
+    @property
+    def failing(self) -> bool:
+        """True if the last tick has failed."""
+        return self._row > 0
+
+    @property
+    def stopped(self) -> bool:
+        """True after failures have gone on for too long; `reset` starts again."""
+        return self._row * self._dt > self.policy.stop_after
+
+    def good(self) -> None:
+        """End a row of failures: a tick has a command of its law."""
+        self._row = 0
+
+    def add(self, reason: str, error: Exception | None = None) -> None:
+        """Count a failed tick, and log the first of a row and the stop."""
+        stopped = self.stopped
+        self.count += 1
+        self._row += 1
+        if self._row == 1 or self.stopped != stopped:
+            self.reason = reason
+            state = "; stopped" if self.stopped else "; command held"
+            logger.error("tick failed (%s)%s", reason, state, exc_info=error)
+
+
+class HeldCommand:
+    """Last command of a law that is not the QP's, which is held at rest in ticks that fail.
+
+    Attributes:
+        empty: True if no command is held.
+    """
+
+    def __init__(self, joints: int) -> None:
+        """Hold nothing yet, of a robot with some number of joints."""
+        self._has_references = self._has_gains = False
+        self._torque, self._position, self._kp, self._kd = np.zeros((4, joints))
+        self.empty = True
+
+    def forget(self) -> None:
+        """Hold nothing."""
+        self.empty = True
+
+    def keep(self, command: Command) -> None:
+        """Hold a command from now on, whose arrays belong to who gets it."""
+        position, kp, kd = command.joint_position, command.kp, command.kd
+        self._torque[:] = command.joint_torque
+        self._has_references = position is not None
+        self._has_gains = position is not None and kp is not None and kd is not None
+        if position is not None:
+            self._position[:] = position
+            if kp is not None and kd is not None:
+                self._kp[:], self._kd[:] = kp, kd
+        self.empty = False
+
+    def at_rest(self, gate: CommandGate, damping: Array, measured: tuple[Array, Array]) -> Command:
+        """Return the command with a velocity reference of zero, within the limits of the gate.
+
+        Args:
+            gate: Limits of commands.
+            damping: Damping of joints that no servo damps, shape (na,), Nms/rad.
+            measured: q and q̇ of the joints, shape (na,) each, rad and rad/s; NaN where they are unknown.
+        """
+        torque, position = self._torque, self._position
+        if not self._has_references:
+            return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
+        gate.reset(position)  # a law need not move the references of the gate
+        still = np.zeros_like(position)
+        if not self._has_gains:
+            return gate.pass_on(torque, position, still)
+        gains = self._kp, np.where(self._kd > 0.0, self._kd, damping)  # no joint of a torque alone speeds up
+        return gate.pass_on_with_gains(torque, position, still, gains, measured)
