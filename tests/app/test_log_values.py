@@ -24,11 +24,11 @@ from known_walk import (
 )
 from log_writing import made_log
 
-from wbc.app.drift import Drift
+from wbc.app.drift import MIN_LOAD, Drift
 from wbc.app.log.header import make_header
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import foot_names, joint_units, torque_units
-from wbc.app.log.stances import MIN_LOAD, level_corners, stances, support_box
+from wbc.app.log.stances import level_corners, stances, support_box
 from wbc.app.plot.figures import missing
 from wbc.app.repeat import RepeatWalk, first_difference, interventions_of, recorded_walk
 from wbc.base.errors import InputError
@@ -82,7 +82,7 @@ def test_the_support_is_the_box_around_the_soles_that_stand(walked: Log, tmp_pat
         np.testing.assert_allclose(high[tick], points.max(axis=0), atol=1e-9)
 
 
-def test_without_a_plan_the_soles_that_bear_two_percent_of_the_weight_stand(tmp_path: Path) -> None:
+def test_without_a_plan_the_soles_that_bear_a_share_of_the_weight_stand(tmp_path: Path) -> None:
     weight = 50.0 * GRAVITY
     force = np.zeros((TICKS, 6))
     force[:10, 2], force[10:20, 2], force[20:, 2] = 1.01 * MIN_LOAD * weight, 0.99 * MIN_LOAD * weight, np.nan

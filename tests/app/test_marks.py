@@ -14,6 +14,7 @@ import pytest
 
 from wbc.app.drift import Drift, sole_corners
 from wbc.app.view import stage, walk_marks
+from wbc.app.drift import MIN_LOAD
 from wbc.app.view.marks import (
     COM_COLOUR,
     DCM_COLOUR,
@@ -399,7 +400,7 @@ def test_contacts_with_hardly_a_load_are_no_corners_and_a_robot_in_the_air_has_n
     assert shown.scale.weight == pytest.approx(weight)
     assert shown.scale.height == pytest.approx(truth.com[2] - plant.terrain.surface.floor)
     forces = np.zeros((4, 3))
-    forces[:, 2] = weight * np.array([0.0051, 0.5, 0.4, 0.0049])
+    forces[:, 2] = weight * np.array([1.01 * MIN_LOAD, 0.5, 0.4, 0.99 * MIN_LOAD])
 
     def with_contacts(count: int, velocity: tuple[float, ...] = (0.0, 0.0, 0.0)) -> dict[str, Mark]:
         values = {"contact_position": places[:count], "contact_force": forces[:count]}

@@ -373,6 +373,10 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: HeightMap().add(np.zeros((3, 2)), np.ones(3), 0.0), "points and std"),
         (lambda: HeightMap().add(np.zeros((3, 3)), np.ones(2), 0.0), "points and std"),
         (lambda: HeightMap().add(np.zeros((3, 3)), -np.ones(3), 0.0), "std of HeightMap.add"),
+        (lambda: HeightMap().at([0.1]), "places on a height map"),  # type: ignore[arg-type]
+        (lambda: HeightMap().at("here"), "places on a height map"),  # type: ignore[arg-type]
+        (lambda: HeightMap().at(np.zeros((2, 2), complex)), "places on a height map"),
+        (lambda: HeightMap().at(np.array([complex(math.nan, 0.0)])), "places on a height map"),
         (lambda: HeightMap().shift(math.nan), "height of HeightMap.shift"),
         (lambda: HeightMap().rewind("now"), "time of HeightMap.rewind"),
     ],

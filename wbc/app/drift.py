@@ -13,6 +13,10 @@ from wbc.core.robot import SIDES
 if TYPE_CHECKING:
     from wbc.app.log.reader import Log
 
+MIN_LOAD = 0.01
+"""Share of the weight from which on a foot or a contact counts as support in pictures and figures: noise of force
+sensors is less."""
+
 
 class Drift:
     """Placement of the world of the estimate in the true one, by the middle of the feet and the heading of the base.

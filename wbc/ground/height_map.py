@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import Count, NonNegative, Number, Numbers, Positive, Share, settings
 
@@ -186,7 +186,15 @@ class HeightMap:
         self._refreshed, self._time = -math.inf, time
 
     def at(self, places: Places) -> tuple[Array, Array]:
-        """Return heights (NaN where unknown) and standard deviations, m, at places x + iy, complex, shape (n,), m."""
+        """Return heights (NaN where unknown) and standard deviations, m, at places x + iy, complex, shape (n,), m.
+
+        An `InputError` for places that are something else.
+        """
+        places = np.asarray(places)
+        if places.dtype != np.complex128 or places.ndim != 1 or not np.isfinite(places).all():
+            raise InputError(
+                f"places on a height map must be finite complex numbers x + iy, m, of shape (n,), got {shown(places)}"
+            )
         slot, code = self._cells(places)
         mine = self._code[slot] == code
         return np.where(mine, self._heights[slot], np.nan), self._std[slot]

@@ -8,14 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.drift import Drift, sole_corners, yaw_of
+from wbc.app.drift import MIN_LOAD, Drift, sole_corners, yaw_of
 from wbc.app.log.reader import Log
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, SIDES
-
-MIN_LOAD = 0.02
-"""Smallest share of the weight on a foot that counts as contact where no contact is planned."""
 
 
 def level_corners(size: tuple[float, float], centre: Array, yaw: Array) -> Array:
@@ -41,7 +38,10 @@ def sole_sizes(log: Log) -> list[tuple[float, float]]:
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
-    """Return lower and upper x and y of the support in every tick, shape (ticks, 2), m; NaN where no foot stands."""
+    """Return lower and upper x and y of the support in every tick, shape (ticks, 2), m; NaN where no foot stands.
+
+    Where no contact is planned, a foot stands that bears a share of the weight, `MIN_LOAD`.
+    """
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)
     walk = "foot/left/contact" in log

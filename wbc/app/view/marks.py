@@ -20,7 +20,7 @@ from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.robots.mechanism import Colour
-from wbc.tasks.stabilizer.pendulum import cop
+from wbc.tasks.stabilizer.pendulum import MIN_FORCE, cop
 
 COM_COLOUR: Colour = (0.95, 0.60, 0.10, 1.0)
 ZMP_COLOUR: Colour = (0.75, 0.15, 0.75, 1.0)
@@ -53,9 +53,6 @@ POINT = 0.02
 
 LONGEST = 1.5
 """Longest arrow of a force, in weights of the robot: one of a landing would grow out of the picture."""
-
-MIN_FORCE = 1.0
-"""Smallest contact force of a sole that is drawn, N."""
 
 NOTICED = 5e-4
 """Distance from which on a mark that has moved is drawn anew, m."""
@@ -228,7 +225,10 @@ def force_marks(scale: Scale, forces: Sequence[Force]) -> list[Mark]:
 
 
 def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
-    """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one."""
+    """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one.
+
+    It has one from `MIN_FORCE` on.
+    """
     if not (np.isfinite(wrench).all() and wrench[2] >= MIN_FORCE):
         return []
     return [Force("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]

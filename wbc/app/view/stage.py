@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import mujoco
 import numpy as np
 
+from wbc.app.drift import MIN_LOAD
 from wbc.app.view.marks import Force, Instant, Picture, Scale, draw, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
@@ -17,7 +18,6 @@ from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
-from wbc.sim.rig.rig import MIN_CONTACT_SHARE
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natural_frequency
 
@@ -79,7 +79,7 @@ class SimulatedStage:
         reference = None if self._walking is None else self._walking.reference
         omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
         dcm = truth.com + truth.com_velocity / omega
-        support = position[force[:, 2] > MIN_CONTACT_SHARE * self.scale.weight]
+        support = position[force[:, 2] > MIN_LOAD * self.scale.weight]
         now = Instant(robot.time, truth.com, level, zmp_of(wrench, level), dcm, support, forces)
         if self._marks is not None:
             self._marks.add(now)
