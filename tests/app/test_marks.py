@@ -12,9 +12,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.app.drift import Drift, sole_corners
+from wbc.app.drift import MIN_LOAD, Drift, sole_corners
 from wbc.app.view import stage, walk_marks
-from wbc.app.drift import MIN_LOAD
 from wbc.app.view.marks import (
     COM_COLOUR,
     DCM_COLOUR,

@@ -192,7 +192,7 @@ class WalkingControl(SteeredControl):
     ) -> None:
         """Begin anew from the state of the robot, on its way: to take over from a control on the same observer.
 
-        The gait begins in the phase that the contacts say, with free steps (`SteppingWalk.join`); all orders to walk
+        The gait begins in the phase that the contacts say, with free steps (`SteppingWalk.begin`); all orders to walk
         are forgotten, so that the robot comes to a stand. Set-points of the body, arms and hands stay.
 
         Args:
@@ -212,8 +212,7 @@ class WalkingControl(SteeredControl):
         self.tasks.begin()
         self.body.begin()
         drives.resume()
-        source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
-        source.join(*times.tolist())
+        source.begin(heading(state.robot.placement(state.robot.base_frame).rotation), times.tolist())
         self.reference, self.stopped = None, False
 
     def reset(self, q: Array | None = None) -> None:

@@ -18,7 +18,7 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import PlanSource
-from wbc.walking.stepping.course import Course
+from wbc.walking.stepping.course import FallCourse
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Divergent
 from wbc.walking.stepping.path import StepVelocity
@@ -192,7 +192,7 @@ def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped
     """Less h − h₀ by (1 + ωt) e^{−ωt}."""
     gait, low = SteppingWalk(SteppingSettings(), SCALE, 0.0, 1e-4), SCALE.height - 0.05
     times = np.arange(1, 5001) * 1e-4
-    found = np.array([gait.course.rise(low) for _ in times])
+    found = np.array([gait.height.rise(low) for _ in times])
     falls = OMEGA * times
     np.testing.assert_allclose(SCALE.height - found[:, 0], 0.05 * (1.0 + falls) * np.exp(-falls), atol=1e-4)
     np.testing.assert_allclose(found[:, 1], 0.05 * OMEGA * falls * np.exp(-falls), atol=1e-3)
@@ -200,12 +200,12 @@ def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped
 
 def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressure() -> None:
     gait = gait_on(LEVEL, (0.02, -0.03, SCALE.height), (0.3, 0.1, 0.0))
-    gait.course = Course(SCALE, 1e-4)
+    course = FallCourse(SCALE, 1e-4)
     for stance in (0, 1):
-        gait.course.restart()
+        course.restart()
         for _ in range(2001):
             zmp = gait.felt.state.on_sole(stance, CONSTANTS.carrying + 0.01, -0.005)
-            x, y, u, v, a, b = gait.course.fall(gait.felt.state, zmp)
+            x, y, u, v, a, b = course.fall(gait.felt.state, zmp)
         zmp = LEVEL[stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
         com, speed = com_after(np.array([0.02, -0.03]), np.array([0.3, 0.1]), zmp, OMEGA, 0.2)
         np.testing.assert_allclose((x, y), com, atol=1e-4)

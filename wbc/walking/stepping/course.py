@@ -27,18 +27,13 @@ class PhaseReference(NamedTuple):
     urgency: float = 0.0  # of the swing foot; see `Reference`
 
 
-class Course:
-    """Planned motion of the centre of mass of one walk."""
+class HeightCourse:
+    """Height of the centre of mass over the feet, from that of the first tick to that of the steps."""
 
     def __init__(self, scale: RobotSize, dt: float) -> None:
-        """Begin in a stand."""
+        """Begin at the height that the robot has in the first tick."""
         self._height, self._omega, self._square, self._dt = scale.height, scale.omega, scale.omega**2, dt
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin anew, from the height that the robot has."""
         self._high: Follower[float] | None = None  # height over the feet, m
-        self._planned: CoMMotion | None = None  # None until the step is decided
 
     def rise(self, now: float) -> Point:
         """Return the height over the feet and its rate: from that now, m, it moves to that of the steps."""
@@ -46,6 +41,23 @@ class Course:
             self._high = Follower(1.0 / self._omega, now)
         self._high.follow(self._height - self._high.value, self._dt)
         return self._high.value, self._high.velocity
+
+    def pendulum(self, motion: CoMMotion, height: Point, ground: float) -> Pendulum:
+        """Return the pendulum of a motion, with the height of the CoM and its rate, over a ground at a height, m."""
+        x, y, u, v, a, b = motion
+        arm = 1.0 / self._square
+        # One array and its parts: making an array costs more than a slice.
+        parts = np.array((x, y, height[0], u, v, height[1], a, b, 0.0, x - arm * a, y - arm * b, ground))
+        return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self._omega)
+
+
+class FallCourse:
+    """Motion of the centre of mass over the foot that stands, as planned since the step was decided last."""
+
+    def __init__(self, scale: RobotSize, dt: float) -> None:
+        """Begin from what is measured."""
+        self._square, self._dt = scale.omega**2, dt
+        self._planned: CoMMotion | None = None  # None in the tick in which the step is decided
 
     def restart(self) -> None:
         """Begin the next planned motion from what is measured: the step has been decided."""
@@ -61,14 +73,6 @@ class Course:
             x, y, u, v = x + dt * (u + 0.5 * dt * a), y + dt * (v + 0.5 * dt * b), u + dt * a, v + dt * b
         self._planned = x, y, u, v, square * (x - zx), square * (y - zy)
         return self._planned
-
-    def pendulum(self, motion: CoMMotion, height: Point, ground: float) -> Pendulum:
-        """Return the pendulum of a motion, with the height of the CoM and its rate, over a ground at a height, m."""
-        x, y, u, v, a, b = motion
-        arm = 1.0 / self._square
-        # One array and its parts: making an array costs more than a slice.
-        parts = np.array((x, y, height[0], u, v, height[1], a, b, 0.0, x - arm * a, y - arm * b, ground))
-        return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self._omega)
 
 
 def shifted(start: Point, goal: Point, elapsed: float, duration: float) -> CoMMotion:

@@ -7,7 +7,7 @@ the landing is then held to a nearby place that tilts the foot less, at the cost
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +66,12 @@ class StepState(NamedTuple):
 
 
 class StepDecision:
-    """Decision of the step that swings, made anew a few hundred times a second.
+    """Decision of the step that swings.
+
+        decision.begin()                    at lift-off
+        decision.area.update(…)             in every tick: the supported area of the foot that stands
+        decision.decide(state, wish, …)     a few hundred times a second
+        decision.press()                    in every tick: the centre of pressure moves on
 
     Attributes:
         area: Supported area of the foot that stands.
@@ -135,28 +140,16 @@ class StepDecision:
             climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
         """
         self._climbs = climbs
-        c, axes, elapsed = self._c, stance.axes, stance.elapsed
-        offset = axes.offset(stance.dcm.x, stance.dcm.y)
-        (x, y, _), (p, q, _) = stance.contact, stance.cop_command
-        ahead, outwards = axes.outwards(x - p, y - q)
-        most = c.cop_error
-        contact = min(max(ahead, -most), most), min(max(outwards, -most), most)
-        remaining = max(stance.nominal - elapsed, 0.0)
-        last = max(self.end - elapsed, 0.0) if self._decided else remaining
-        now = Now(offset, contact, stance.dcm.omega, remaining, last)
-        runs = offset[0] - contact[0], offset[1] - contact[1]  # ξ runs away from the contact by that, m
+        c, axes, now = self._c, stance.axes, self._pendulum(stance)
+        runs = (
+            now.dcm[0] - now.contact[0],
+            now.dcm[1] - now.contact[1],
+        )  # ξ runs away from the contact by that, m
         edges = self._aside(stance)
         beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
         self._put_down_at = self._put_down(stance, runs) if beyond else None
         bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
-        solve = self._keep_landing if held and not self.closes else self._program.solve
-        step = solve(now, wish, bounds)
-        if step is not None:
-            later = self._time_for_legs(stance, step, now, wish, bounds, max(longest - elapsed, 0.0))
-            self._delayed_end = None if later is None else elapsed + later
-            if later is not None and later > step.left and not self.closes:  # ξ goes on until then
-                bounds = bounds.after(later)
-                step = solve(now._replace(last=step.left), wish, bounds) or step
+        step, bounds = self._solve(stance, now, wish, bounds, longest, held=held)
         if step is None:
             if self._decided:
                 return
@@ -171,8 +164,39 @@ class StepDecision:
             x, y = axes.offset(*chosen)
             there = (x + c.carrying, y), (x + c.carrying, y)
             step = self._program.solve(now, wish, bounds, there) or step
-        self.end, self._wanted = elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
+        self.end, self._wanted = stance.elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
+
+    def _pendulum(self, stance: StepState) -> Now:
+        """Return the pendulum about the foot that stands, and the time that is left of the step."""
+        axes, most = stance.axes, self._c.cop_error
+        (x, y, _), (p, q, _) = stance.contact, stance.cop_command
+        ahead, outwards = axes.outwards(x - p, y - q)
+        left = max(stance.nominal - stance.elapsed, 0.0)
+        return Now(
+            dcm=axes.offset(stance.dcm.x, stance.dcm.y),
+            contact=(min(max(ahead, -most), most), min(max(outwards, -most), most)),
+            omega=stance.dcm.omega,
+            left=left,
+            last=max(self.end - stance.elapsed, 0.0) if self._decided else left,
+        )
+
+    def _solve(
+        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, held: bool
+    ) -> tuple[Step | None, Bounds]:
+        """Return the step, later where legs need the time, with its bounds; None if the program fails."""
+        elapsed = stance.elapsed
+        solve: Callable[[Now, Wish, Bounds], Step | None] = self._program.solve
+        if held and not self.closes:
+            solve = self._keep_landing
+        step = solve(now, wish, bounds)
+        if step is not None:
+            later = self._time_for_legs(stance, step, now, wish, bounds, max(longest - elapsed, 0.0))
+            self._delayed_end = None if later is None else elapsed + later
+            if later is not None and later > step.left and not self.closes:  # ξ goes on until then
+                bounds = bounds.after(later)
+                step = solve(now._replace(last=step.left), wish, bounds) or step
+        return step, bounds
 
     def _keep_landing(self, now: Now, wish: Wish, bounds: Bounds) -> Step | None:
         """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.

@@ -56,7 +56,7 @@ class DoubleSupport:
         return stance
 
     def joined(self, air: Sequence[float], landed: Sequence[float]) -> int | None:
-        """Return the foot that carries in the step of a robot that walks, else None; see `SteppingWalk.join`."""
+        """Return the foot that carries in the step of a robot that walks, else None; see `SteppingWalk.begin`."""
         least, loads = self._c.least_force, [row[2] for row in self._felt.state.wrenches]
         up = [time > 0.0 for time in air]
         if up[0] == up[1]:

@@ -83,18 +83,18 @@ class BodyReader:
         robot = self.robot
         left, right = (pin.getFrameVelocity(robot.model, robot.data, sole, WORLD) for sole in self._soles)
         return BodyState(
-            robot.com.tolist(),
-            robot.com_velocity.tolist(),
-            robot.data.hg.angular.tolist(),
-            (self._places[0].tolist(), self._places[1].tolist()),
-            (self._turns[0].tolist(), self._turns[1].tolist()),
-            state.measurement.wrenches.tolist(),
-            heading(self._pelvis) - state.hip_turn,
-            robot.mass,
-            (left.linear.tolist(), right.linear.tolist()),
-            (left.angular.tolist(), right.angular.tolist()),
-            state.hand_wrench,
-            state.compliance,
+            com=robot.com.tolist(),
+            velocity=robot.com_velocity.tolist(),
+            spin=robot.data.hg.angular.tolist(),
+            places=(self._places[0].tolist(), self._places[1].tolist()),
+            turns=(self._turns[0].tolist(), self._turns[1].tolist()),
+            wrenches=state.measurement.wrenches.tolist(),
+            heading=heading(self._pelvis) - state.hip_turn,
+            mass=robot.mass,
+            speeds=(left.linear.tolist(), right.linear.tolist()),
+            rates=(left.angular.tolist(), right.angular.tolist()),
+            hand_wrench=state.hand_wrench,
+            compliance=state.compliance,
         )
 
 

@@ -35,12 +35,12 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import REPLAN, FootstepSource, PlanSource, Standing, Velocity, answer_of
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.stepping.course import Course
+from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
 from wbc.walking.stepping.path import PathSteering, StepVelocity
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
-from wbc.walking.stepping.single_support import Asked, SingleSupport
+from wbc.walking.stepping.single_support import Asked, SetOff, SingleSupport
 from wbc.walking.swing import FootMotion
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class SteppingWalk(ReferenceSource):
         ground: What is known of the ground.
         steering: Velocity, goal and heading.
         felt: Phase and stance foot, and the state of the robot in the last tick with its contact point and its DCM.
-        course: Planned motion of the centre of mass.
+        height: Height of the centre of mass.
         stand: Both feet on the ground.
         step: The step, on one foot.
         footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
@@ -96,7 +96,7 @@ class SteppingWalk(ReferenceSource):
         self.dt, self.reach, self._extent = dt, reach, extent
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
-        self.felt, self.course = Felt(scale, c, dt), Course(scale, dt)
+        self.felt = Felt(scale, c, dt)
         self.begin(heading)
 
     @staticmethod
@@ -118,8 +118,14 @@ class SteppingWalk(ReferenceSource):
         scale = RobotSize.of(robot, s.bend, com_height)
         return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent, constants)
 
-    def begin(self, heading: float) -> None:
-        """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
+    def begin(self, heading: float, joins: tuple[Sequence[float], Sequence[float]] | None = None) -> None:
+        """Begin where the robot is now, with a heading, rad; all steps and orders before are forgotten.
+
+        The robot stands. One that walks already `joins` in the step that it is in: each foot has been in the air, and
+        on the ground, for a time, s; see `WalkingControl.begin`. A foot in the air swings on from its place and with
+        its velocity. Of two feet on the ground the one that has landed a moment ago carries, and the other one swings;
+        the robot stands if both have stood for longer.
+        """
         s, c, scale, dt, felt = self.settings, self.constants, self.scale, self.dt, self.felt
         self.time, self.steps_done = 0.0, 0
         self.planner, self.reason = None, ""
@@ -127,25 +133,15 @@ class SteppingWalk(ReferenceSource):
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
-        self.course.begin()
+        self.height = HeightCourse(scale, dt)
         felt.begin(GaitPhase.STANDING, 1)
         self.stand = DoubleSupport(s, c, felt)
-        self.step = SingleSupport(s, c, scale, felt, self.ground, self.course, dt)
+        self.step = SingleSupport(s, c, scale, felt, self.ground, dt)
         held = min(self.step.decision.area.widest / c.slow_width, 1.0)
         self.steering = PathSteering(s, scale, c, heading, dt, self._extent, held)
         self._reader: BodyReader | None = None
-        # Times for which each foot has been in the air and on the ground, s, of a robot that walks already.
-        self._joins: tuple[Sequence[float], Sequence[float]] | None = None
+        self._joins = joins  # until the first tick
         self.progress = self._record()
-
-    def join(self, air: Sequence[float], landed: Sequence[float]) -> None:
-        """Begin anew in the step that a robot is in which walks already, after `begin`.
-
-        A foot in the air swings on from its place and with its velocity. Of two feet on the ground the one that has
-        landed a moment ago carries, and the other one swings; the robot stands if both have stood for longer. Each foot
-        has been in the air, or on the ground, for a time, s: see `WalkingControl.begin`.
-        """
-        self._joins = air, landed
 
     # ---- what is asked for --------------------------------------------------------------------------------------
 
@@ -215,8 +211,16 @@ class SteppingWalk(ReferenceSource):
 
     def _asked(self, steps: StepVelocity) -> Asked:
         """Return what the step is asked for in this tick, with the velocity of the next steps."""
-        s, speed, fast_share = self.steering, math.hypot(*self.steering.velocity), self.fast_share
-        return Asked(steps, speed, fast_share, s.heading, s.direction, s.turn, s.step_time)
+        s = self.steering
+        return Asked(
+            steps,
+            speed=math.hypot(*s.velocity),
+            fast_share=self.fast_share,
+            heading=s.heading,
+            direction=s.direction,
+            turn=s.turn,
+            time=s.step_time,
+        )
 
     def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
         """Return the references of a tick in the phase that it has led to."""
@@ -227,8 +231,8 @@ class SteppingWalk(ReferenceSource):
             now = self.stand.standing()
         else:
             now = self.stand.shifting(steering.direction, steering.step_time)
-        high, speed = self.course.rise(state.com[2] - now.level)
-        pendulum = self.course.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
+        high, speed = self.height.rise(state.com[2] - now.level)
+        pendulum = self.height.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
         laden = state.mass / self.scale.mass  # by what it holds
         most_force = laden * now.most_force[0], laden * now.most_force[1]
         self.progress = progress = self._record((most_force[0] > 0.0, most_force[1] > 0.0), events)
@@ -238,20 +242,34 @@ class SteppingWalk(ReferenceSource):
             else FootMotion.at_rest(place.copy())
             for side, place in enumerate(frames)
         ]
-        return Reference(pendulum, (feet[0], feet[1]), progress, most_force, now.cop, now.urgency)
+        return Reference(
+            pendulum, (feet[0], feet[1]), progress, most_force=most_force, cop=now.cop, urgency=now.urgency
+        )
 
     def _record(self, contact: tuple[bool, bool] = (True, True), events: tuple[Event, ...] = ()) -> Progress:
         """Return the record of the step as it is now, with the contacts and events of a tick."""
         step, felt = self.step, self.felt
         swing = felt.swing if felt.phase is GaitPhase.SINGLE else None
-        now = felt.phase, felt.stance, swing, contact, self.steering.heading, self.steps_done, felt.elapsed
         if swing is None:
             shifts = felt.phase is GaitPhase.DOUBLE
             duration, cycle = self.stand.duration if shifts else 0.0, self.steering.step_time
         else:
             duration, cycle = step.duration, step.nominal
-        landings = () if step.swing is None else (step.swing.landing,)
-        return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
+        return Progress(
+            phase=felt.phase,
+            stance=felt.stance,
+            swing=swing,
+            contact=contact,
+            heading=self.steering.heading,
+            steps_done=self.steps_done,
+            elapsed=felt.elapsed,
+            duration=duration,
+            upcoming=() if step.swing is None else (step.swing.landing,),
+            cycle=cycle,
+            events=events,
+            landed=step.met is not None,
+            fast_share=self.fast_share,
+        )
 
     # ---- from phase to phase ------------------------------------------------------------------------------------
 
@@ -301,20 +319,18 @@ class SteppingWalk(ReferenceSource):
 
         A robot that walks already has a foot that has been in the air for a time, s; another foot was kicked away.
         """
-        pace = self.steering.step_time
-        self.ground.expect_at(self.felt.state.places[stance][2])
+        out = SetOff(self.steering.step_time, walks is not None, kicked)
         self.steering.rest(self._middle())
         # A foot may land in the second half of its step.
         elapsed = 0.0 if walks is None else min(walks, 0.5 * self.steering.step_time)
-        self._lift(stance, frames, elapsed)
-        self.step.set_off(pace, walks=walks is not None, kicked=kicked)
+        self._lift(stance, frames, elapsed, out)
         return (Event.LIFT_OFF,)
 
-    def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0) -> None:
+    def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0, out: SetOff | None = None) -> None:
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
         self.felt.enter(GaitPhase.SINGLE, stance, elapsed)
         self._plan_steps(SIDES[1 - stance], frames)
-        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.steering.climbs))
+        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.steering.climbs), out=out)
 
     def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""

@@ -48,6 +48,11 @@ class StepVelocity(NamedTuple):
 class PathSteering(Steering):
     """Steering of free steps: their velocity at every tick, held to a path.
 
+        steering.rest(place)                    where the robot begins to step, and where it stands again
+        steering.follow_footsteps()             from the shift of the weight on: steps take the time of footsteps
+        steering.update(…), along(…)            in every tick of a step: by target or goal, or by footsteps
+        steering.land(held), climb(height)      at every landing: what has held, and the next stair
+
     Attributes:
         heading: Heading of the pelvis and of the next steps, rad.
         direction: Cosine and sine of the heading.

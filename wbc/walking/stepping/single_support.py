@@ -1,6 +1,6 @@
 """One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over.
 
-    step.begin(footsteps, climbs=…)         at lift-off
+    step.begin(footsteps, climbs=…, out=…)  at lift-off; `SetOff` in the first step out of a stand
     events = step.update(asked, frames)     push on the swing foot, expected ground, decision, contact
     step.is_over(asked)                     the foot that has landed is to carry
     held = step.end(asked)                  what the landing says of the ground
@@ -22,7 +22,7 @@ from wbc.walking.contact import Event, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
-from wbc.walking.stepping.course import Course, PhaseReference
+from wbc.walking.stepping.course import FallCourse, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.felt import Felt, Frames
 from wbc.walking.stepping.law import SIDE, SIDEWAYS, Orbit, StanceAxes
@@ -55,10 +55,19 @@ class Asked(NamedTuple):
     time: float  # time T of a step, s
 
 
+class SetOff(NamedTuple):
+    """First step out of a stand."""
+
+    pace: float  # time that the steps take, s
+    walks: bool = False  # the robot walks already: its foot is in the air, with a speed
+    kicked: bool = False  # the foot has been pushed off the ground
+
+
 class SingleSupport:
     """Step of one walk: one foot stands, and the other one swings.
 
     Attributes:
+        course: Planned motion of the centre of mass.
         decision: Decision of the step.
         touch: Contact of the swing foot.
         first: True in the step that begins in a stand.
@@ -75,11 +84,11 @@ class SingleSupport:
         scale: RobotSize,
         felt: Felt,
         ground: GroundEstimate,
-        course: Course,
         dt: float,
     ) -> None:
         """Make all parts, with settings and constants in SI units."""
-        self._s, self._c, self._felt, self._ground, self._course = settings, constants, felt, ground, course
+        self._s, self._c, self._felt, self._ground = settings, constants, felt, ground
+        self.course = FallCourse(scale, dt)
         self._dt, self._period = dt, max(1, round(constants.period / dt))  # of decisions, ticks
         self._time_gain = lag_gain(dt, constants.time_lag)
         self._level_gain = lag_gain(dt, constants.level_lag)
@@ -101,30 +110,29 @@ class SingleSupport:
 
     # ---- from lift-off to take-over -----------------------------------------------------------------------------
 
-    def begin(self, footsteps: Sequence[Footstep] = (), *, climbs: bool = False) -> None:
-        """Begin a step on the foot that stands, the first one of footsteps, or one by a velocity.
+    def begin(
+        self, footsteps: Sequence[Footstep] = (), *, climbs: bool = False, out: SetOff | None = None
+    ) -> None:
+        """Begin a step on the foot that stands.
 
-        The next footsteps `climbs` stairs, up or down.
+        Args:
+            footsteps: Footsteps from that of the foot that swings on; none of a step by a velocity.
+            climbs: True if they climb stairs, up or down.
+            out: The first step out of a stand; None for a step that follows another one.
         """
-        felt = self._felt
-        self.first = self._walks = False
-        self._footsteps, self._climbs = footsteps, climbs
+        stands = self._felt.state.places[self._felt.stance][2]
+        self.first, self._walks = out is not None and not out.walks, out is not None and out.walks
+        self._footsteps, self._climbs, self._planned = footsteps, climbs, None
+        self._stood, self._tilt = stands, (0.0, 0.0)
         self.decision.begin()
         self.touch.begin()
+        if out is not None:
+            self._pace, self._level = out.pace, stands
+            self._ground.expect_at(stands)
+            if out.kicked:
+                self.touch.push()
         if footsteps:
             self._ground.expect_at(footsteps[0].z)
-        self._planned = None
-        self._stood, self._tilt = felt.state.places[felt.stance][2], (0.0, 0.0)
-
-    def set_off(self, pace: float, *, walks: bool, kicked: bool) -> None:
-        """Make the step that has begun the first one, of steps that take a time, s.
-
-        A robot that `walks` already has its foot in the air, with a speed; one that was `kicked` away has been pushed.
-        """
-        self.first, self._walks, self._pace = not walks, walks, pace
-        self._level = self._felt.state.places[self._felt.stance][2]
-        if kicked:
-            self.touch.push()
 
     def update(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Decide time and place of the step, move the swing foot, and detect its contact."""
@@ -166,9 +174,9 @@ class SingleSupport:
         self._level += self._level_gain * (self._com_level() - self._level)
         most = touch.most_forces(met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
-        motion = self._course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
+        motion = self.course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
         urgency = -1.0 if touch.pushed else self.decision.urgency
-        return PhaseReference(motion, self._level, most, cop, urgency)
+        return PhaseReference(motion, self._level, most, cop=cop, urgency=urgency)
 
     # ---- the ground ---------------------------------------------------------------------------------------------
 
@@ -239,7 +247,7 @@ class SingleSupport:
     def _solve(self, asked: Asked) -> None:
         """Decide the step by what stands now."""
         c, footsteps, stance = self._c, self._footsteps, self.step_state(asked)
-        self._course.restart()
+        self.course.restart()
         stays = self._ground.sight is None or self.swing is None or self.first
         if footsteps:
             omega, width = stance.dcm.omega, self._s.width
@@ -297,10 +305,16 @@ class SingleSupport:
     def step_state(self, asked: Asked) -> StepState:
         """Return the state that the step is decided by."""
         felt, (u, v) = self._felt, self.decision.lagged
-        axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging()
-        told = felt.state.on_sole(felt.stance, self._c.carrying + u, v)
         return StepState(
-            axes, told, felt.contact, felt.dcm, orbit, asked.time, felt.elapsed, swing, self._time_down()
+            axes=self._axes(asked),
+            cop_command=felt.state.on_sole(felt.stance, self._c.carrying + u, v),
+            contact=felt.contact,
+            dcm=felt.dcm,
+            orbit=self._orbit(asked),
+            nominal=asked.time,
+            elapsed=felt.elapsed,
+            swing=self._swinging(),
+            down=self._time_down(),
         )
 
     def _axes(self, asked: Asked) -> StanceAxes:
