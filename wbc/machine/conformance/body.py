@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import GRAVITY
-from wbc.machine.conformance.session import UNIT, Record, Session, settled
+from wbc.machine.conformance.session import DEGREES, Record, Session, settled
 
 TILT = 0.04
 """Motion of the base about each axis, rad."""
@@ -37,26 +39,51 @@ def imu(s: Session) -> str:
         if s.good("accelerometer"):
             s.check("IMU frame", f"{along:.3f} along the vertical", turned=along <= 0.95)
         return FALLEN
-    # Turns as made and as the gyroscope saw them, and changes of the specific force likewise; one a row.
-    turns, seen, tilts, felt = np.zeros((4, 3, 3))
+    turns = _turn_each(s, frame, force)
+    size = float(np.linalg.norm(turns.seen) / np.linalg.norm(turns.made))
+    degrees = abs(size / DEGREES - 1.0) < 0.5
+    found = f"{size:.2f} of the turns made"
+    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not 0.5 < size < 1.6)
+    if not s.good("accelerometer", "gyroscope"):
+        return "gyroscope or accelerometer has another unit"
+    _judge_frame(s, turns, size, along)
+    return ""
+
+
+class Turns(NamedTuple):
+    """Turns of the base about x, y and z: one a row, in the IMU frame, each array of shape (3, 3)."""
+
+    made: Array  # rotation vectors of the turns, rad
+    seen: Array  # the same by the gyroscope, rad
+    tilts: Array  # changes of gravity by the turns, m/s²
+    felt: Array  # the same by the accelerometer, m/s²
+
+
+def _turn_each(s: Session, frame: Array, force: Array) -> Turns:
+    """Turn the base about each axis, from a rotation of the IMU and the specific force at rest."""
+    turns = Turns(*np.zeros((4, 3, 3)))
     for axis in range(3):
         joints, q = _base_motion(s, np.zeros(2), TILT * AXES[axis])
         there, _ = s.move(joints, 0.4)
         s.robot.update(q, np.zeros(s.robot.nv))
         after = np.array(s.robot.placement(s.robot.imu_frame).rotation)
-        turns[axis], seen[axis] = pin.log3(frame.T @ after), there["angular_velocity"].sum(axis=0) * s.period
-        tilts[axis] = (after - frame)[2] * GRAVITY
-        felt[axis] = settled(there["specific_force"]) - force
-    size = float(np.linalg.norm(seen) / np.linalg.norm(turns))
-    degrees = abs(size / UNIT - 1.0) < 0.5
-    found = f"{size:.2f} of the turns made"
-    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not 0.5 < size < 1.6)
-    if not s.good("accelerometer", "gyroscope"):
-        return "gyroscope or accelerometer has another unit"
-    # seen ≈ R turns for each of three turns: R is what lies between the gyroscope and the IMU frame.
-    between = seen.T @ np.linalg.pinv(turns.T) / max(size, ROUNDING)
+        turns.made[axis] = pin.log3(frame.T @ after)
+        turns.seen[axis] = there["angular_velocity"].sum(axis=0) * s.period
+        turns.tilts[axis] = (after - frame)[2] * GRAVITY
+        turns.felt[axis] = settled(there["specific_force"]) - force
+    return turns
+
+
+def _judge_frame(s: Session, turns: Turns, size: float, along: float) -> None:
+    """Judge the frame of the IMU by turns, and by gravity at rest `along` the vertical.
+
+    The gyroscope saw turns of `size` times those made. Of three turns seen ≈ R made: R is what lies between the
+    gyroscope and the IMU frame.
+    """
+    between = turns.seen.T @ np.linalg.pinv(turns.made.T) / max(size, ROUNDING)
     u, _, vt = np.linalg.svd(between)
     angle = np.degrees(np.linalg.norm(pin.log3(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)))
+    tilts, felt = turns.tilts, turns.felt
     agree, tilt = np.trace(between) / 3.0, (tilts * felt)[:2].sum() / (tilts * tilts)[:2].sum()
     level, turned = along > 0.97 and 0.5 < tilt < 1.6, agree <= 0.85  # level: gravity is where it should be
     s.check(
@@ -67,7 +94,6 @@ def imu(s: Session) -> str:
         gyroscope_turned=level and turned,
         turned=turned,
     )
-    return ""
 
 
 def wrenches(s: Session) -> str:
@@ -101,11 +127,7 @@ def wrenches(s: Session) -> str:
     # Soles give way under a body that leans, and an IMU may be mounted a little off: the nearer one counts.
     ways = [1e3 * (pressure - place) for place in (com, _com_by_lean(s, rest)) if place is not None]
     off = min(ways, key=lambda way: float(way @ way))
-    beyond = -np.inf  # how far the pressure lies outside its sole at most, mm; below zero inside of all soles
-    for (*_, normal, tau_x, tau_y, _), sole in zip(still, s.robot.soles, strict=True):
-        if normal > 0.1 * s.weight:
-            half = 0.5 * np.array([sole.length, sole.width])
-            beyond = max(beyond, 1e3 * float((np.abs([tau_y, tau_x]) / normal - half).max()))
+    beyond = _beyond_edges(s, still)
     edge = f", {beyond:.0f} mm beyond the edge of a sole" if beyond > 0.0 else ""
     far = np.abs((roll - roll_at_rest) / to_left).max() >= 2.5 or np.abs(off).max() >= 15.0 or beyond >= 20.0
     s.check(
@@ -116,6 +138,16 @@ def wrenches(s: Session) -> str:
         elsewhere=far or not 0.25 < forward < 2.5,
     )
     return ""
+
+
+def _beyond_edges(s: Session, wrench: Array) -> float:
+    """Return how far the pressure of wrenches lies outside its sole at most, mm; below zero inside of all soles."""
+    beyond = -np.inf
+    for (*_, normal, tau_x, tau_y, _), sole in zip(wrench, s.robot.soles, strict=True):
+        if normal > 0.1 * s.weight:
+            half = 0.5 * np.array([sole.length, sole.width])
+            beyond = max(beyond, 1e3 * float((np.abs([tau_y, tau_x]) / normal - half).max()))
+    return beyond
 
 
 def soles(s: Session) -> str:

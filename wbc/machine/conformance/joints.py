@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.machine.conformance.session import UNIT, Record, Session, settled
+from wbc.machine.conformance.session import DEGREES, FreeMotion, Record, Session, settled
 
 STEP, TIME = 0.02, 0.1
 """Motion of a joint, rad (or m times this), and its time, s."""
@@ -16,11 +18,36 @@ BUZZ, TREMBLE = 1.0, 0.005
 """Speed of a joint that goes to and fro from which on it buzzes, rad/s, and least way that it does so, rad: noise is
 less, of readings in degrees as well."""
 
+FOLLOWS, SOME = 0.15, 0.25
+"""Share of its step from which on a joint follows, and share of joints that must follow for the others to be judged."""
+
+PROPER, RATE = (0.3, 2.5), (0.6, 1.4)
+"""Shares of its step that a joint may go, and of its way that the integral of its velocity may be."""
+
+STUCK, OFF = 25.0, 50.0
+"""Share of moving samples that repeat the last one from which on sensors are read late, %; distance from half-sitting
+from which on the zero of an encoder is off, mrad."""
+
 PULSES = (1.0, -1.0, -1.0, 1.0)
 """Signs of pulses of torque whose answers are averaged: a robot that lies drifts."""
 
 RISE = 0.0025
 """Time in which a torque shows in the velocity without any delay, s."""
+
+
+class Steps(NamedTuple):
+    """Steps of all joints, one after another: positions are those measured, shape (step, joint)."""
+
+    sizes: Array  # shape (na,), rad (or m)
+    moves: tuple[Record, ...]  # of each step on its way there
+    before: Array
+    there: Array
+    back: Array
+
+    @property
+    def share(self) -> Array:
+        """Change of each position as a share of the step of each joint, shape (step, joint)."""
+        return (self.there - self.before) / self.sizes[:, None]
 
 
 def rest(s: Session) -> str:
@@ -42,74 +69,96 @@ def rest(s: Session) -> str:
 
 def joints(s: Session) -> str:
     """Move each joint by a step and back: who follows, which way, how far, how fast and how late."""
-    na, names, position = s.robot.na, s.robot.joint_names, settled(s.rest["joint_position"])
+    steps = _step_each(s)
+    ways = steps.there - steps.before
+    distance, returned = (ways * ways).sum(axis=1), (ways * (steps.there - steps.back)).sum(axis=1)
+    comes_back = (0.5 * distance < returned) & (returned < 2.0 * distance)
+    if np.mean((distance > (FOLLOWS * STEP) ** 2) & comes_back) < SOME:
+        answer = np.subtract(*_pulses(s)[0][[-1, 0]])
+        alone = bool(max(np.mean(answer > 1e-3), np.mean(answer < -1e-3)) > 0.65)
+        found = "position references move no joint" + (", torques do" if alone else "")
+        s.check("joint order", found, torque_alone=alone, dead=True)
+        s.lost = "the joints do not follow"
+        return s.lost
+    known, dead = _judge_order(s, steps)
+    _judge_motion(s, steps, known)
+    if dead:
+        s.unknown("joint velocity", "the joints do not follow")
+    else:
+        _judge_velocity(s, steps, known)
+    moving = (move["joint_position"][: len(move["time"]) // 2] for move in steps.moves)
+    stuck = 100.0 * max((np.diff(rows, axis=0) == 0.0).all(axis=1).mean() for rows in moving)
+    s.check("fresh", f"{stuck:.0f} % of moving samples repeat the last one", repeats=stuck >= STUCK)
+    _judge_delay(s, steps)
+    if s.confused:
+        return s.confused
+    position = settled(s.rest["joint_position"])
+    off = 1e3 * (position - s.reference)
+    worst = int(np.argmax(np.abs(off)))
+    moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
+    rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
+    found = f"{s.robot.joint_names[worst]} {off[worst]:+.0f} mrad from half-sitting, {rate:.3f} rad/s at rest"
+    s.check("joint zero", found, moves=moved >= 20.0 or rate >= 0.15, off=abs(off[worst]) >= OFF)
+    return ""
+
+
+def _step_each(s: Session) -> Steps:
+    """Move each joint by a step towards the middle of its range, and back."""
     middle = 0.5 * (s.robot.position_lower + s.robot.position_upper)
     sizes = np.where(~np.isfinite(middle) | (middle >= s.reference), STEP, -STEP)
     moves, backs = zip(*(s.move(step, TIME) for step in np.diag(sizes)), strict=True)
     there, back = (np.array([settled(move["joint_position"]) for move in way]) for way in (moves, backs))
-    before = np.array([position, *back[:-1]])
-    ways = there - before
-    distance, returned = (ways * ways).sum(axis=1), (ways * (there - back)).sum(axis=1)
-    comes_back = (0.5 * distance < returned) & (returned < 2.0 * distance)
-    if np.mean((distance > (0.15 * STEP) ** 2) & comes_back) < 0.25:
-        found, answer = "position references move no joint", np.subtract(*_pulses(s)[0][[-1, 0]])
-        alone = bool(max(np.mean(answer > 1e-3), np.mean(answer < -1e-3)) > 0.65)
-        s.check("joint order", found + (", torques do" if alone else ""), torque_alone=alone, dead=True)
-        s.lost = "the joints do not follow"
-        return s.lost
-    # Change of each measured position (column) as a share of the step of each joint (row).
-    follows = ways / sizes[:, None]
-    own, size = follows.diagonal(), np.abs(follows)
-    lead, dead = size.argmax(axis=1), [i for i in range(na) if size[i, i] < 0.15]
+    return Steps(sizes, moves, np.array([settled(s.rest["joint_position"]), *back[:-1]]), there, back)
+
+
+def _judge_order(s: Session, steps: Steps) -> tuple[list[int], list[int]]:
+    """Judge which joint a step moves; return the joints that follow their own steps, and those that do not follow."""
+    na, names, size = s.robot.na, s.robot.joint_names, np.abs(steps.share)
+    lead, dead = size.argmax(axis=1), [i for i in range(na) if size[i, i] < FOLLOWS]
     swapped = [i for i in range(na) if lead[i] != i and size[i, lead[i]] > max(0.3, 2.0 * size[i, i])]
-    known = [i for i in range(na) if i not in swapped and i not in dead]
     found = f"{len(dead)} joints do not follow: {s.some(dead)}" if dead else f"{na} joints follow"
     if swapped:
         found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
     s.check("joint order", found, swapped=swapped, dead=dead)
     if len(dead) >= na // 2:
         s.lost = "the joints do not follow"
+    return [i for i in range(na) if i not in swapped and i not in dead], dead
+
+
+def _judge_motion(s: Session, steps: Steps, known: list[int]) -> None:
+    """Judge direction and distance of each joint that follows its own steps."""
+    own, (least, most) = steps.share.diagonal(), PROPER
     turned = [i for i in known if own[i] < 0.0]
     # A joint of a leg that stands goes as far as the rest of the leg lets it.
     lax = s.free if s.standing else known
-    odd = [i for i in known if size[i, i] > 2.5 or (size[i, i] < 0.3 and i in lax)]
+    odd = [i for i in known if abs(own[i]) > most or (abs(own[i]) < least and i in lax)]
     share = float(np.median(np.abs(own[known]))) if known else 0.0
     found = f"{share:.2f} of the step" + (f"; odd: {s.some(turned or odd)}" if turned or odd else "")
-    s.check("joint motion", found, reversed=turned, degrees=odd and abs(share / UNIT - 1.0) < 0.15, unit=odd)
-    # Integral of each joint's velocity over its way, where it has gone one.
-    integral = [move["joint_velocity"][:, i].sum() for i, move in enumerate(moves)]
-    travelled = np.array([move["joint_position"][-1, i] - before[i, i] for i, move in enumerate(moves)])
-    rates = s.period * np.array(integral) / np.where(np.abs(travelled) > 1e-4, travelled, np.nan)
-    if dead or np.isnan(rates).all():
-        s.unknown("joint velocity", "the joints do not follow")
-    else:
-        ratio = float(np.nanmedian(rates))
-        bad = [i for i in known if np.isfinite(rates[i]) and not 0.6 < rates[i] < 1.4]
-        found = f"∫q̇ dt is {ratio:.2f} of the way" + (f"; odd: {s.some(bad)}" if bad else "")
-        s.check(
-            "joint velocity",
-            found,
-            reversed=bad and ratio < -0.05,
-            still=bad and ratio < 0.05,
-            degrees=bad and abs(ratio / UNIT - 1.0) < 0.4,
-            unit=bad,
-        )
-    moving = (move["joint_position"][: len(move["time"]) // 2] for move in moves)
-    stuck = 100.0 * max((np.diff(rows, axis=0) == 0.0).all(axis=1).mean() for rows in moving)
-    s.check("fresh", f"{stuck:.0f} % of moving samples repeat the last one", repeats=stuck >= 25.0)
-    _delay(s, sizes, moves)
-    if s.confused:
-        return s.confused
-    off = 1e3 * (position - s.reference)
-    worst = int(np.argmax(np.abs(off)))
-    moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
-    rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
-    found = f"{names[worst]} {off[worst]:+.0f} mrad from half-sitting, {rate:.3f} rad/s at rest"
-    s.check("joint zero", found, moves=moved >= 20.0 or rate >= 0.15, off=abs(off[worst]) >= 50.0)
-    return ""
+    s.check(
+        "joint motion", found, reversed=turned, degrees=odd and abs(share / DEGREES - 1.0) < 0.15, unit=odd
+    )
 
 
-def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> None:
+def _judge_velocity(s: Session, steps: Steps, known: list[int]) -> None:
+    """Judge the integral of each joint's velocity over its way, where it has gone one."""
+    integral = [move["joint_velocity"][:, i].sum() for i, move in enumerate(steps.moves)]
+    way = np.array([move["joint_position"][-1, i] - steps.before[i, i] for i, move in enumerate(steps.moves)])
+    rates = s.period * np.array(integral) / np.where(np.abs(way) > 1e-4, way, np.nan)
+    if np.isnan(rates).all():
+        return s.unknown("joint velocity", "the joints do not follow")
+    ratio = float(np.nanmedian(rates))
+    bad = [i for i in known if np.isfinite(rates[i]) and not RATE[0] < rates[i] < RATE[1]]
+    s.check(
+        "joint velocity",
+        f"∫q̇ dt is {ratio:.2f} of the way" + (f"; odd: {s.some(bad)}" if bad else ""),
+        reversed=bad and ratio < -0.05,
+        still=bad and ratio < 0.05,
+        degrees=bad and abs(ratio / DEGREES - 1.0) < 0.4,
+        unit=bad,
+    )
+
+
+def _judge_delay(s: Session, steps: Steps) -> None:
     """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
     torque, lags, stated = None, [], 1e3 * s.delay
     if s.free:
@@ -117,9 +166,9 @@ def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> None:
         seen = (answer / noise).clip(-20.0, 20.0).mean(axis=1)
         acts = seen > max(4.0 / np.sqrt(len(PULSES) * len(s.free)), 0.2 * float(seen.max()))
         torque = 1e3 * s.period * int(acts.argmax()) if acts.any() else None
-    for i, move in enumerate(moves):
+    for i, move in enumerate(steps.moves):
         moved = move["joint_position"][:, i] - move["joint_position"][0, i]
-        if 0.3 <= abs(moved[-1] / sizes[i]) <= 3.0:
+        if 0.3 <= abs(moved[-1] / steps.sizes[i]) <= 3.0:
             # Areas between a curve and its end: their difference is the lag, whatever the shape.
             lags.append(1e3 * s.period * (s.profile(TIME)[0] - moved / moved[-1]).sum())
     if not lags:
@@ -137,7 +186,7 @@ def _pulses(s: Session) -> tuple[Array, Array]:
     moved, rests, answers = s.jolt != 0.0, [], []
     for sign in PULSES:
         rests.append(s.hold(0.15)["joint_velocity"][:, moved])  # what the last pulse left decays
-        pulse = s.hold(0.04, joint_torque=sign * s.jolt)["joint_velocity"][:, moved]
+        pulse = s.hold(0.04, torque=sign * s.jolt)["joint_velocity"][:, moved]
         answers.append(sign * (pulse - rests[-1][-3:].mean(axis=0)))
     s.hold(0.1)
     # Without sensor noise it is the decay that an answer must exceed.
@@ -152,8 +201,8 @@ def torques(s: Session) -> str:
     # Torques and velocity references that move free joints by 20 mrad.
     tau[free] = np.clip(0.02 * kp[free], 0.0, 1.5 * s.jolt[free])
     rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], ROUNDING), 0.0, 1.0)
-    s.push = tau, rate
-    pushed, dragged = s.answer = _answer(s)
+    pushed, dragged = _moved_by(s, tau, rate)
+    s.free_motion = FreeMotion(tau, rate, pushed, dragged)
     if s.confused:
         return s.confused
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -177,12 +226,14 @@ def torques(s: Session) -> str:
     return ""
 
 
-def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
+def _moved_by(
+    s: Session, torque: Array, velocity: Array, gains: tuple[Array | None, Array | None] = (None, None)
+) -> tuple[Array, Array]:
     """Return how far the torque and the velocity reference move the joints, each of shape (na,), rad (or m)."""
-    start = s.hold(0.2 if gains else 0.1, **gains)
-    pushed = s.hold(0.25, joint_torque=s.push[0], **gains)
-    middle = s.hold(0.2, **gains)
-    dragged = s.hold(0.25, joint_velocity=s.push[1], **gains)
+    start = s.hold(0.1 if gains[0] is None else 0.2, gains=gains)
+    pushed = s.hold(0.25, torque=torque, gains=gains)
+    middle = s.hold(0.2, gains=gains)
+    dragged = s.hold(0.25, velocity=velocity, gains=gains)
     s.hold(0.2)
     places = [settled(record["joint_position"]) for record in (start, pushed, middle, dragged)]
     return places[1] - places[0], places[3] - places[2]
@@ -191,9 +242,9 @@ def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
 def commanded_gains(s: Session) -> str:
     """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before."""
     free, (kp, kd) = s.free, np.copy(s.gains)
-    if not free or not s.good("torque"):
+    if s.free_motion is None or not s.good("torque"):
         return "own gains are not as they should" if free else "no joint beside the legs"
-    (tau, rate), (pushed, dragged) = s.push, s.answer
+    tau, rate, pushed, dragged = s.free_motion
     strong = sorted(free, key=lambda i: float(tau[i]))[len(free) // 2 :]  # friction is least there
 
     def middle(values: Array, divisors: Array) -> float:
@@ -205,7 +256,7 @@ def commanded_gains(s: Session) -> str:
     kp[free] *= 0.5 * own_kp
     kd[free] *= 0.5 * own_kd
     try:
-        softly_pushed, softly_dragged = _answer(s, kp=kp, kd=kd)
+        softly_pushed, softly_dragged = _moved_by(s, tau, rate, (kp, kd))
     except (InputError, NotImplementedError) as error:
         return f"the loop takes none: {error}"
     stiffness = middle(pushed, softly_pushed)

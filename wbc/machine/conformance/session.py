@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,8 +18,11 @@ from wbc.machine.conformance.causes import CAUSES
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
 
-UNIT = 57.2958
+DEGREES = 57.2958
 """Degrees in a radian."""
+
+STANDS = 0.05
+"""Share of the weight from which on the soles carry a robot that stands."""
 
 Record = dict[str, Array]
 """Signals of one motion by their name in a `Measurement`, one row a control period, NaN where nothing is measured."""
@@ -48,6 +51,15 @@ class Check:
     cause: str = ""
 
 
+class FreeMotion(NamedTuple):
+    """Torques and velocity references that move free joints a little, and how far they do."""
+
+    torque: Array  # shape (na,), Nm (or N)
+    velocity: Array  # shape (na,), rad/s (or m/s)
+    pushed: Array  # by the torques, shape (na,), rad (or m)
+    dragged: Array  # by the velocity references, shape (na,), rad (or m)
+
+
 class Session:
     """One run of the checks.
 
@@ -58,14 +70,15 @@ class Session:
         jolt: A tenth of the torque limits of these joints, of all joints where there are none, shape (na,), Nm.
         shapes: Shape of each signal of a measurement.
         checks: Results so far by the names of the checks.
-        records: All motions so far; rest: the first, half-sitting held.
-        lost: Reason why no further check can be made; empty while they can.
+        records: All motions so far.
+        rest: The first of them, half-sitting held; from `settle` on, as the next one.
         standing: True if the robot stands, by its force sensors or else by the torques of its joints.
-        push: Torques and velocity references that move free joints a little; answer: how far they moved them.
+        lost: Reason why no further check can be made; empty while they can.
+        free_motion: Motion of the free joints by their own gains; None until it has been tried.
     """
 
-    push: tuple[Array, Array]
-    answer: tuple[Array, Array]
+    rest: Record
+    standing: bool
 
     def __init__(self, loop: Loop, delay: float) -> None:
         """Begin; nothing is sent."""
@@ -86,6 +99,7 @@ class Session:
         self.checks: dict[str, Check] = {}
         self.records: list[Record] = []
         self.lost = ""
+        self.free_motion: FreeMotion | None = None
 
     def check(self, name: str, found: str, **wrong: object) -> None:
         """Add a check, which is wrong if a condition holds; the first one that does names one of its `CAUSES`."""
@@ -121,17 +135,35 @@ class Session:
         """Hold half-sitting, and see whether the robot stands."""
         self.rest = self.hold(0.15)
         rest = {name: settled(rows) for name, rows in self.rest.items()}
-        felt: dict[str, Any] = {
-            name: value if np.isfinite(value).all() else None for name, value in rest.items()
-        }
+        sensed = {name: value if np.isfinite(value).all() else None for name, value in rest.items()}
+        measured = Measurement(
+            time=float(rest["time"]),
+            joint_position=rest["joint_position"],
+            joint_velocity=rest["joint_velocity"],
+            angular_velocity=rest["angular_velocity"],
+            specific_force=rest["specific_force"],
+            sole_wrench=sensed["sole_wrench"],
+            joint_torque=sensed["joint_torque"],
+            hand_wrenches=sensed["hand_wrenches"],
+        )
         loads = SoleLoads(self._loop.description, self.period, self.gains)
-        wrench = loads.wrenches(Measurement(**felt))  # of the joints where no force sensor has measured one
-        self.standing = float(np.abs(wrench[:, 2]).sum()) > 0.05 * self.weight
+        wrench = loads.wrenches(measured)  # of the joints where no force sensor has measured one
+        self.standing = float(np.abs(wrench[:, 2]).sum()) > STANDS * self.weight
 
-    def hold(self, seconds: float, **signals: Any) -> Record:
-        """Hold half-sitting, with some signals of the command others."""
-        held = {"joint_torque": self._zero, "joint_position": self.reference, "joint_velocity": self._zero}
-        return self._run([Command(**(held | signals))] * self._ticks(seconds))
+    def hold(
+        self,
+        seconds: float,
+        torque: Array | None = None,
+        velocity: Array | None = None,
+        gains: tuple[Array | None, Array | None] = (None, None),
+    ) -> Record:
+        """Hold half-sitting for a time, s; feed-forward torques and velocity references are zero when None.
+
+        The gains kp and kd are those of the drives when None.
+        """
+        tau, rate = (self._zero if value is None else value for value in (torque, velocity))
+        command = Command(tau, self.reference, rate, kp=gains[0], kd=gains[1])
+        return self._run([command] * self._ticks(seconds))
 
     def move(self, step: Array, seconds: float) -> tuple[Record, Record]:
         """Move the references by a step (shape (na,), rad) and hold there, then come back; return both records."""
