@@ -1,9 +1,7 @@
-"""Time one tick of TSID on the balance task; prints one JSON object. Runs in TSID's own environment.
-
-Usage: python tsid_tick.py TASK.json
+"""The balance task of TSID, for `compare.py`, in TSID's own environment: `python balance_tsid.py TASK.json`.
 
 Timed: writing the centre-of-mass reference, `computeProblemData` (Pinocchio terms and all rows), `solve`, and
-reading joint torques and accelerations. Not timed: integrating the state.
+reading joint torques and accelerations.
 """
 
 from __future__ import annotations
@@ -11,11 +9,10 @@ from __future__ import annotations
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from time import perf_counter_ns
 
 import numpy as np
 import pinocchio as pin
-from balance_task import BalanceTask, damping, preemptions, record
+from balance import BRAKE, BalanceTask, damping, run
 
 # The 1.7.1 wheel has its Python files one folder too deep: `import tsid` finds an empty package.
 from tsid import tsid_pywrap as tsid
@@ -29,8 +26,8 @@ FORCE_WEIGHT = 1e-5
 HARD, SOFT = 0, 1
 
 
-class Balance:
-    """The balance task in TSID's terms."""
+class Tsid:
+    """The balance task in TSID's terms; see `Balance`."""
 
     def __init__(self, task: BalanceTask) -> None:
         model = pin.buildModelFromXML(task.urdf, pin.JointModelFreeFlyer())
@@ -40,6 +37,7 @@ class Balance:
         for name, angle in task.posture.items():
             self.q[model.joints[model.getJointId(name)].idx_q] = angle
         self.v = np.zeros(model.nv)
+        self.data, self.nv, self.period = model.createData(), model.nv, task.period
         robot = tsid.RobotWrapper(model, tsid.FLOATING_BASE_SYSTEM, False)
         self.formulation = tsid.InverseDynamicsFormulationAccForce("balance", robot, False)
         self.formulation.computeProblemData(0.0, self.q, self.v)
@@ -51,7 +49,8 @@ class Balance:
         self.solver.resize(self.formulation.nVar, self.formulation.nEq, self.formulation.nIn)
 
     def _add_contacts(self, task: BalanceTask, robot: tsid.RobotWrapper) -> None:
-        x, y = task.sole_length / 2, task.sole_width / 2
+        n = task.numbers
+        x, y = n["sole_length"] / 2, n["sole_width"] / 2
         corners = np.array([[-x, -x, x, x], [-y, y, -y, y], [0.0, 0.0, 0.0, 0.0]])
         data = self.formulation.data()
         for frame in task.soles:
@@ -61,42 +60,44 @@ class Balance:
                 frame,
                 corners,
                 np.array([0.0, 0.0, 1.0]),
-                task.friction,
+                n["friction"],
                 LEAST_NORMAL_FORCE,
                 GREATEST_NORMAL_FORCE,
             )
-            contact.setKp(np.full(6, task.contact_stiffness))
-            contact.setKd(np.full(6, damping(task.contact_stiffness)))
+            contact.setKp(np.full(6, n["contact_stiffness"]))
+            contact.setKd(np.full(6, damping(n["contact_stiffness"])))
             contact.setReference(robot.framePosition(data, self.model.getFrameId(frame)))
             if not self.formulation.addRigidContact(contact, FORCE_WEIGHT, 1.0, HARD):
                 raise RuntimeError(f"TSID refused the contact on {frame}")
             self.objects.append(contact)
 
     def _add_tasks(self, task: BalanceTask, robot: tsid.RobotWrapper) -> None:
-        self.com = tsid.TaskComEquality("com", robot)
-        self.com.setKp(np.full(3, task.com_stiffness))
-        self.com.setKd(np.full(3, damping(task.com_stiffness)))
+        n = task.numbers
+        self.target = tsid.TaskComEquality("com", robot)
+        self.target.setKp(np.full(3, n["com_stiffness"]))
+        self.target.setKd(np.full(3, damping(n["com_stiffness"])))
         self.com_start = np.array(robot.com(self.formulation.data()))
         self.com_sample = tsid.TrajectorySample(3)
-        self.formulation.addMotionTask(self.com, task.com_weight, SOFT, 0.0)
+        self.formulation.addMotionTask(self.target, n["com_weight"], SOFT, 0.0)
 
         posture = tsid.TaskJointPosture("posture", robot)
-        posture.setKp(np.full(robot.na, task.posture_stiffness))
-        posture.setKd(np.full(robot.na, damping(task.posture_stiffness)))
+        posture.setKp(np.full(robot.na, n["posture_stiffness"]))
+        posture.setKd(np.full(robot.na, damping(n["posture_stiffness"])))
         sample = tsid.TrajectorySample(robot.na)
         sample.value(self.q[7:])
         sample.derivative(np.zeros(robot.na))
         sample.second_derivative(np.zeros(robot.na))
         posture.setReference(sample)
-        self.formulation.addMotionTask(posture, task.posture_weight, SOFT, 0.0)
+        self.formulation.addMotionTask(posture, n["posture_weight"], SOFT, 0.0)
         self.objects += [posture, sample]
 
     def _add_limits(self, task: BalanceTask, robot: tsid.RobotWrapper) -> None:
+        n = task.numbers
         motion = tsid.TaskJointPosVelAccBounds("position and velocity", robot, task.period, False)
         motion.setPositionBounds(self.model.lowerPositionLimit[7:], self.model.upperPositionLimit[7:])
         motion.setVelocityBounds(self.model.velocityLimit[6:])
         # The acceleration bound serves the braking law alone; it is not imposed on the solution.
-        motion.setAccelerationBounds(np.full(robot.na, task.braking))
+        motion.setAccelerationBounds(np.full(robot.na, n["braking"]))
         motion.setImposeBounds(True, True, True, False)
         self.formulation.addMotionTask(motion, 1.0, HARD, 0.0)
 
@@ -106,59 +107,31 @@ class Balance:
         self.formulation.addActuationTask(torque, 1.0, HARD, 0.0)
         self.objects += [motion, torque]
 
-
-def run(task: BalanceTask) -> str:
-    """Run the task and return the record."""
-    balance = Balance(task)
-    formulation, solver = balance.formulation, balance.solver
-    com, sample = balance.com, balance.com_sample
-    model, q, v = balance.model, balance.q, balance.v
-    data = model.createData()
-    durations: list[int] = []
-    failures, com_error, torque_use, preempted = 0, 0.0, 0.0, 0
-
-    for tick in range(task.warm_up + task.ticks):
-        time = tick * task.period
-        offset, velocity, acceleration = (np.array(x) for x in task.sway(time))
-        position = balance.com_start + offset
-        if tick == task.warm_up:
-            preempted = preemptions()
-
-        start = perf_counter_ns()
-        sample.value(position)
+    def tick(self, time: float, com: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> bool:
+        """See `Balance`."""
+        sample, formulation = self.com_sample, self.formulation
+        sample.value(com)
         sample.derivative(velocity)
         sample.second_derivative(acceleration)
-        com.setReference(sample)
-        problem = formulation.computeProblemData(time, q, v)
-        solution = solver.solve(problem)
-        solved = solution.status == 0
-        if solved:
-            tau = formulation.getActuatorForces(solution)
-            dv = formulation.getAccelerations(solution)
-        stop = perf_counter_ns()
+        self.target.setReference(sample)
+        solution = self.solver.solve(formulation.computeProblemData(time, self.q, self.v))
+        if solution.status == 0:
+            self.tau, self.dv = (
+                formulation.getActuatorForces(solution),
+                formulation.getAccelerations(solution),
+            )
+        return solution.status == 0
 
-        if not solved:
-            failures += 1
-            dv, tau = -v / 0.1, np.zeros(model.nv - 6)  # brake, and go on counting
-        if tick >= task.warm_up:
-            durations.append(stop - start)
-            com_error = max(com_error, np.linalg.norm(pin.centerOfMass(model, data, q) - position))
-            torque_use = max(torque_use, np.max(np.abs(tau) / balance.effort))
-        v = v + task.period * np.array(dv)
-        q = pin.integrate(model, q, task.period * v)
+    def com(self) -> np.ndarray:
+        """See `Balance`."""
+        return pin.centerOfMass(self.model, self.data, self.q)
 
-    return record(
-        task,
-        "TSID",
-        f"{version('tsid')} (pin {pin.__version__})",
-        nv=model.nv,
-        durations=durations,
-        failures=failures,
-        com_error=float(com_error),
-        torque_use=float(torque_use),
-        preempted=preemptions() - preempted,
-    )
+    def move_on(self, *, solved: bool) -> np.ndarray:
+        """See `Balance`."""
+        self.v = self.v + self.period * (np.array(self.dv) if solved else -self.v / BRAKE)
+        self.q = pin.integrate(self.model, self.q, self.period * self.v)
+        return np.array(self.tau) if solved else np.zeros(self.nv - 6)
 
 
 if __name__ == "__main__":
-    print(run(BalanceTask.load(Path(sys.argv[1]))))
+    print(run(BalanceTask.load(Path(sys.argv[1])), f"{version('tsid')} (pin {pin.__version__})", Tsid))

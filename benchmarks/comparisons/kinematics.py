@@ -1,6 +1,4 @@
-"""Time one step of inverse kinematics of a library; prints one JSON object.
-
-Usage: python kinematics_tick.py {wbc,Pink,mink,PlaCo} SCENE.json
+"""One step of inverse kinematics of a library, for `compare.py`: `python kinematics.py wbc|Pink|mink|PlaCo SCENE.json`.
 
 Timed: writing the target, solving for velocities with limits of positions and velocities, integrating them, and the
 kinematics of the next configuration. Each class has the scene in the terms of its library.
@@ -9,16 +7,18 @@ kinematics of the next configuration. Each class has the scene in the terms of i
 from __future__ import annotations
 
 import json
+import math
 import sys
 import xml.etree.ElementTree as ET
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
-from kinematics_scene import KinematicScene
+from balance import Scene, timings
 
 with suppress(ImportError):  # each environment has some of them
     import placo
@@ -30,6 +30,36 @@ with suppress(ImportError):
 with suppress(ImportError):
     import mink
     import mujoco
+
+
+@dataclass(frozen=True, kw_only=True)
+class KinematicScene(Scene):
+    """A hand on a circle: an arm that is bolted, or a humanoid on two feet with a task of its centre of mass.
+
+    Attributes:
+        hand: Frame of the hand.
+        radius: Radius of the circle, in the plane of y and z, m.
+        frequency: Turns per second, Hz.
+        posture_cost: Cost per rad of the posture; the other tasks cost 1 per m and rad.
+        gain: Share of the error that a step takes away.
+        period: Period of a step, s.
+        warm_up: Steps before the measured ones.
+        steps: Steps measured.
+    """
+
+    hand: str
+    radius: float = 0.05
+    frequency: float = 0.5
+    posture_cost: float = 1e-2
+    gain: float = 0.1
+    period: float = 0.01
+    warm_up: int = 300
+    steps: int = 3000
+
+    def offset(self, step: int) -> tuple[float, float, float]:
+        """Return the offset of the hand's target from its start, m."""
+        angle = 2.0 * math.pi * self.frequency * self.period * step
+        return 0.0, self.radius * math.sin(angle), self.radius * (math.cos(angle) - 1.0)
 
 
 class Wbc:
@@ -231,17 +261,7 @@ def run(library: str, scene: KinematicScene) -> str:
         if number >= scene.warm_up:
             durations.append(stop - start)
             off = max(off, float(np.linalg.norm(solver.place() - place)))
-    low, middle, high = np.percentile(durations, [5, 50, 99]) / 1e3
-    return json.dumps(
-        {
-            "library": library,
-            "version": solver.version,
-            "least_us": round(float(low), 2),
-            "median_us": round(float(middle), 2),
-            "p99_us": round(float(high), 2),
-            "error_mm": round(1e3 * off, 3),
-        }
-    )
+    return json.dumps({"version": solver.version, **timings(durations), "error_mm": round(1e3 * off, 3)})
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-../examples/tour/_runs.py
