@@ -1,4 +1,6 @@
-"""Time that the rows of a limit on collisions take: `python benchmarks/collision_limit.py [SECONDS]`.
+"""Time that the rows of a limit on collisions take.
+
+    python benchmarks/costs/collision_limit.py --seconds 5
 
 A G1 stands with its arms beside its body, or with both hands pressed at its thighs. The limit is on 20 pairs of its
 forearms and hands against its trunk and legs, of capsules or of the hulls of the meshes. The states of 60 ticks are
@@ -74,6 +76,8 @@ def main(seconds: float) -> None:
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("seconds", nargs="?", type=float, default=5.0, help="time for each scene, s")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=5.0, help="time for each scene, default %(default)s")
     main(parser.parse_args().seconds)

@@ -1,4 +1,6 @@
-"""Speed of the environment of gymnasium: `python benchmarks/environment.py`, with the extra `gymnasium`.
+"""Speed of the environment of gymnasium, with the extra `gymnasium`.
+
+    python benchmarks/costs/environment.py
 
 Steps per second of processor time of one core, the fastest twentieth of 60 steps; the frame skip is the number of
 control periods for which an action holds.
@@ -44,5 +46,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     main()

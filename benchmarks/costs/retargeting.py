@@ -1,6 +1,6 @@
 """Feet of retargeted motions, and the speed of retargeting.
 
-PYTHONPATH=tests/support python benchmarks/retargeting.py
+    python benchmarks/costs/retargeting.py
 
 A person made by rule (15 s, 30 Hz, feet that slide, float and tremble) is retargeted to three robots. The measure
 is that of holosoma's evaluation: the share of frames with a sole more than 10 mm in the ground, and the share of the
@@ -11,15 +11,19 @@ the person in the same frames; their depth below the height at which they stand.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
-from made_person import ANKLE, make_person
 
 import wbc
 from wbc.base.numbers import Array
 from wbc.motion import retarget
 from wbc.motion.kinematics import BodyMotion
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests" / "support"))
+from made_person import ANKLE, make_person  # noqa: E402 - beside the tests
 
 DEEP, FAST = 0.010, 0.01
 """Depth, m, and speed, m/s, from which on a sole counts."""
@@ -55,5 +59,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     main()

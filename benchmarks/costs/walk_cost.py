@@ -1,7 +1,7 @@
 """Wall time of a simulated walk by part, and by each task, contact and limit.
 
-    python benchmarks/walk_cost.py --repeats 3      # five walks, a line of JSON each
-    python benchmarks/walk_cost.py --table          # the first of them as a table
+    python benchmarks/costs/walk_cost.py --repeats 3      # five walks, a line of JSON each
+    python benchmarks/costs/walk_cost.py --table          # the first of them as a table
 
 Methods are replaced on the objects of a walk while it is profiled, and put back; a walk that is not profiled runs the
 code as it stands.

@@ -1,8 +1,8 @@
 """Random drives with pushes, plans, stands and hands: falls in half an hour.
 
-    python benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
-    python benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
-    python benchmarks/auto_drives.py --journal drives.jsonl --table
+    python benchmarks/trials/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
+    python benchmarks/trials/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
+    python benchmarks/trials/auto_drives.py --journal drives.jsonl --table
 
 A drive is two minutes on the flat floor in torque control: every few seconds another order (a velocity, a goal, a plan
 of footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. With every second order a hand goes
@@ -18,6 +18,7 @@ import random
 from pathlib import Path
 from typing import Any
 
+import _programs  # noqa: F401 - finds `_runs`
 from _runs import Row, make_runs, register_runs, rows
 
 from wbc.sim import WalkPlan, WalkSpec
@@ -134,11 +135,13 @@ register_runs("random drive", drive)
 
 def main() -> None:
     """Drive what the journal does not have, and print a line for each robot."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--journal", type=Path, required=True)
-    parser.add_argument("--robot", action="append", choices=tuple(ROBOTS))
-    parser.add_argument("--minutes", type=float, default=30.0, help="of each robot")
-    parser.add_argument("--impulse", type=float, default=PUSH, help="Ns/kg")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--journal", type=Path, required=True, help="file of the drives")
+    parser.add_argument("--robot", action="append", choices=tuple(ROBOTS), help="all when none is given")
+    parser.add_argument("--minutes", type=float, default=30.0, help="of each robot, default %(default)s")
+    parser.add_argument("--impulse", type=float, default=PUSH, help="of a push, Ns/kg, default %(default)s")
     parser.add_argument("--table", action="store_true", help="drive nothing")
     given = parser.parse_args()
     count, robots = math.ceil(60.0 * given.minutes / SECONDS), given.robot or list(ROBOTS)

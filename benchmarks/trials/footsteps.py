@@ -1,9 +1,9 @@
 """Distances of landings from their footsteps on a flat floor or on stones, with realistic noise.
 
-    python benchmarks/footsteps.py                                     # three robots, three ways, three seeds, torque
-    python benchmarks/footsteps.py --robot talos --mode hybrid --seeds 1
-    python benchmarks/footsteps.py --mode position                     # the same by planned steps
-    python benchmarks/footsteps.py --way straight --stones 0.02        # over stones of 20 mm, on flat feet
+    python benchmarks/trials/footsteps.py                                # three robots, three ways and seeds, torque
+    python benchmarks/trials/footsteps.py --robot talos --mode hybrid --seeds 201
+    python benchmarks/trials/footsteps.py --mode position                # the same by planned steps
+    python benchmarks/trials/footsteps.py --way straight --stones 0.02   # over stones of 20 mm, on flat feet
 
 The ways are 1.5 m straight on; 0.5 m, a turn of 1.2 rad and 0.5 m; and eight steps aside. A line has the distances in
 the estimated and in the true world, mean and greatest, mm, the number of landings that miss by more than 10 mm in the
@@ -17,6 +17,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from _programs import span
+
 import wbc
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking import (
@@ -28,8 +30,8 @@ from wbc.walking import (
     walk_velocity,
 )
 
-ROBOTS, FIRST_SEED, PERIOD, LIMIT = ("g1", "hrp4_class", "talos"), 201, 0.002, 90.0
-"""Robots on their own flat feet; first seed; control period and greatest time of a walk, s."""
+ROBOTS, PERIOD, LIMIT = ("g1", "hrp4_class", "talos"), 0.002, 90.0
+"""Robots on their own flat feet; control period and greatest time of a walk, s."""
 
 MISSED = 10.0
 """Distance from which on a landing has missed its footstep, mm."""
@@ -75,19 +77,22 @@ def walk(
 
 def main() -> None:
     """Walk, and print a line for each walk and for each robot."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robot", action="append", choices=ROBOTS)
-    parser.add_argument("--way", action="append", choices=tuple(WAYS))
-    parser.add_argument("--mode", default="torque", choices=("position", "torque", "hybrid"))
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--first", type=int, default=FIRST_SEED)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robot", action="append", choices=ROBOTS, help="all when none is given")
+    parser.add_argument("--way", action="append", choices=tuple(WAYS), help="all when none is given")
+    parser.add_argument(
+        "--mode", default="torque", choices=("position", "torque", "hybrid"), help="of the control"
+    )
+    parser.add_argument("--seeds", type=span, default="201-203", help="of the noise, default %(default)s")
     parser.add_argument("--stones", type=float, default=0.0, help="height of stones on the floor, m")
     given = parser.parse_args()
     settings = replace(WalkingControlSettings(), mode=given.mode)
     for name in given.robot or ROBOTS:
         all_of_it: list[float] = []
         for way in given.way or WAYS:
-            for seed in range(given.first, given.first + given.seeds):
+            for seed in given.seeds:
                 estimated, true, force, ended = walk(name, way, seed, settings, given.stones)
                 all_of_it += estimated
                 print(

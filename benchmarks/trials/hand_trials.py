@@ -2,9 +2,9 @@
 
 Every run is a line of the journal, and a run of the same code that is there already is not made again.
 
-Usage: python benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--mode MODE] [--seeds N]
-           [--first SEED]
-       python benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
+    python benchmarks/trials/hand_trials.py press --journal runs.jsonl             # 20, 60, 100 N on a table and a wall
+    python benchmarks/trials/hand_trials.py cart --journal runs.jsonl --seeds 200-209
+    python benchmarks/trials/hand_trials.py press --journal runs.jsonl --table     # the journal may be an .xz
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from _examples import EXAMPLES
+from _programs import EXAMPLES, span
 from _runs import Row, make_runs, register_runs, rows
 
 from wbc.sim.trial.trial import StageError
 
-FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
 MODES = ("position", "torque", "hybrid")
 
@@ -157,20 +156,21 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
 
 def main() -> None:
     """Run what the journal does not have, or print a table of it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("kind", choices=TABLES)
-    parser.add_argument("--journal", type=Path, required=True)
-    parser.add_argument("--robot", action="append", choices=ROBOTS)
+    parser.add_argument("--journal", type=Path, required=True, help="file of the runs")
+    parser.add_argument("--robot", action="append", choices=ROBOTS, help="all when none is given")
     parser.add_argument("--mode", default=MODES[0], choices=MODES, help="of the control")
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--first", type=int, default=FIRST_SEED)
-    parser.add_argument("--table", action="store_true")
+    parser.add_argument("--seeds", type=span, default="200", help="such as 200-219, default %(default)s")
+    parser.add_argument("--table", action="store_true", help="run nothing")
     options = parser.parse_args()
     if not options.table:
         mode = [] if options.mode == MODES[0] else ["--mode", options.mode]
         wanted = [
             {"what": options.kind, "words": [*words.split(), "--robot", robot, "--seed", str(seed), *mode]}
-            for seed in range(options.first, options.first + options.seeds)
+            for seed in options.seeds
             for robot in options.robot or ROBOTS
             for words in KINDS[options.kind][1]
         ]

@@ -1,11 +1,10 @@
 """Studies of trained policies: hands by the QP, bad targets and pushes with and without a filter, take-overs.
 
-Usage:
-    python benchmarks/policies.py arms walk.onnx --runs 0-2 --journal arms.jsonl
-    python benchmarks/policies.py wild walk.onnx --runs 0-19 --journal wild.jsonl
-    python benchmarks/policies.py pushes walk.onnx --runs 0-24 --journal pushes.jsonl
-    python benchmarks/policies.py taken walk.onnx --runs 0-66 --journal taken.jsonl
-    python benchmarks/policies.py pushed walk.onnx --runs 0-63 --journal pushed.jsonl
+    python benchmarks/trials/policies.py arms walk.onnx --runs 0-2 --journal arms.jsonl
+    python benchmarks/trials/policies.py wild walk.onnx --runs 0-19 --journal wild.jsonl
+    python benchmarks/trials/policies.py pushes walk.onnx --runs 0-24 --journal pushes.jsonl
+    python benchmarks/trials/policies.py taken walk.onnx --runs 0-66 --journal taken.jsonl
+    python benchmarks/trials/policies.py pushed walk.onnx --runs 0-63 --journal pushed.jsonl
 
 Every run is a line of the journal; those of the same code that it has are not run again. Descriptions of the policies
 stand beside them (docs/policies.md). Arms, wild runs and pushes are for g1.
@@ -24,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from _programs import span
 from _runs import Row, make_runs, register_runs
 
 import wbc
@@ -288,11 +288,10 @@ register_runs("policy", make_run)
 
 def wanted(options: argparse.Namespace) -> Iterator[Row]:
     """Yield the arguments of each run."""
-    first, _, last = options.runs.partition("-")
     about = Path(options.policy).with_suffix(".toml")
     content = file_hash(options.policy) + (file_hash(about) if about.is_file() else "")
     policy = {"study": options.study, "policy": options.policy, "content": content}
-    for run in range(int(first), int(last or first) + 1):
+    for run in options.runs:
         each: Row = {**policy, "run": run}
         if options.study == "arms":
             loaded = {"load": options.load, "regain": options.regain}
@@ -314,8 +313,8 @@ def main() -> None:
     )
     parser.add_argument("study", choices=["arms", "wild", "pushes", "taken", "pushed"])
     parser.add_argument("policy", help="ONNX file, with its description beside it")
-    parser.add_argument("--robot", default="g1")
-    parser.add_argument("--runs", default="0-19")
+    parser.add_argument("--robot", default="g1", help="of take-overs, default %(default)s")
+    parser.add_argument("--runs", type=span, default="0-19", help="their numbers, default %(default)s")
     parser.add_argument("--impulse", type=float, default=0.7, help="of a push, Ns/kg")
     parser.add_argument("--load", type=float, default=0.0, help="in each hand of the study of arms, kg")
     parser.add_argument("--regain", type=float, default=0.0, help="of the study of arms, 1/s")
@@ -323,7 +322,7 @@ def main() -> None:
     options = parser.parse_args()
     try:
         runs = list(wanted(options))
-    except ValueError as error:  # of a file that cannot be read, or of runs that are no numbers
+    except ValueError as error:  # of a file that cannot be read
         parser.error(str(error))
     found = make_runs(options.journal, "policy", runs)
     key = "stands" if options.study in ("taken", "pushed") else "upright"

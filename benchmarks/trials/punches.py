@@ -1,9 +1,9 @@
 """Punches on the robot of the tour in free steps, in pairs: one punch on one state, by two variants of the law.
 
-    python benchmarks/punches.py base --punches 0-119                          # the law as it is
-    python benchmarks/punches.py patient --punches 0-119 --set patience=2.0    # with another constant
-    python benchmarks/punches.py softer --punches 0-119                        # after a change of the package
-    python benchmarks/punches.py --compare base softer                         # McNemar's test of the pairs
+    python benchmarks/trials/punches.py base --punches 0-119                          # the law as it is
+    python benchmarks/trials/punches.py patient --punches 0-119 --set patience=2.0    # with another constant
+    python benchmarks/trials/punches.py softer --punches 0-119                        # after a change of the package
+    python benchmarks/trials/punches.py --compare base softer                         # McNemar's test of the pairs
 
 A state is one of a walk of the tour without punches, drawn by a seed. The walk goes on from it with its own torques for
 0.05 s, in which the estimates settle, and then under a control that takes it over in its phase, 0.3 s before the punch,
@@ -24,7 +24,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import _examples
+import _programs
 import _runs
 import model
 import numpy as np
@@ -186,8 +186,8 @@ def punched(variant: str, changed: Row, punch: int, joint: str, force: Sequence[
     return harness(json.dumps(changed)).punch(state, joint, np.array(force))
 
 
-_runs.register_runs("states of the tour", states, (_examples.EXAMPLES / "tour").glob("*.py"))
-_runs.register_runs("punch", punched, (_examples.EXAMPLES / "tour").glob("*.py"))
+_runs.register_runs("states of the tour", states, (_programs.EXAMPLES / "tour").glob("*.py"))
+_runs.register_runs("punch", punched, (_programs.EXAMPLES / "tour").glob("*.py"))
 
 
 def compared(rows: list[Row], first: str, second: str) -> str:
@@ -224,7 +224,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("variant", nargs="?", help="name of the variant in the journal")
-    parser.add_argument("--punches", default="0-119", help="numbers of punches, default %(default)s")
+    parser.add_argument(
+        "--punches", type=_programs.span, default="0-119", help="their numbers, default %(default)s"
+    )
     parser.add_argument(
         "--set", nargs="*", default=[], help="constants and settings of free steps, name=value"
     )
@@ -237,9 +239,8 @@ def main() -> None:
     if given.compare:
         print(compared(_runs.rows(given.journal, "punch"), *given.compare))
         return
-    first, _, last = given.punches.partition("-")
+    numbers = given.punches
     try:
-        numbers = range(int(first), int(last or first) + 1)
         changed = {name: json.loads(value) for name, _, value in (each.partition("=") for each in given.set)}
         varied(changed)
     except ValueError as error:  # of words, and of settings and constants that are none

@@ -4,7 +4,8 @@ Every row is a robot as its file is, with the defaults of `wbc stand` and `wbc w
 not dependencies are installed beside them, `pip install --no-deps` and the names in the table; a row without its wheel
 is left out, and says so.
 
-Usage: python benchmarks/robot_table.py [NAME ...] [--json TABLE.json]    (adds to the file; prints Markdown)
+    python benchmarks/trials/robot_table.py                            # all rows, as Markdown
+    python benchmarks/trials/robot_table.py romeo --json table.json    # one row, which is added to the file
 """
 
 from __future__ import annotations
@@ -168,9 +169,11 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Make the rows that are named, or all."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(ROBOTS))
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--json", type=Path, help="file of rows, which is added to")
     given = parser.parse_args()
     logging.disable(logging.ERROR)
     rows: dict[str, dict[str, Any]] = {}

@@ -23,7 +23,7 @@ LAWS = {
 }
 """Rows of the table → columns of the program whose walks arrive."""
 
-PROGRAM = Path(__file__).parents[2] / "benchmarks" / "robot_table.py"
+PROGRAM = Path(__file__).parents[2] / "benchmarks" / "trials" / "robot_table.py"
 
 
 def program() -> ModuleType:

@@ -1,6 +1,8 @@
 """Reliability of the solver: ticks of random problems, every solution checked, a sample compared with ProxQP.
 
-python benchmarks/solver_problems.py --ticks 100000
+    python benchmarks/solver/solver_problems.py --ticks 10000 --repeat 1 --sample 100
+
+Facts are printed as JSON.
 """
 
 from __future__ import annotations
@@ -214,7 +216,11 @@ def _percentiles(values: np.ndarray[Any, Any], shares: tuple[float, ...]) -> dic
 
 def main() -> None:
     """Run the benchmark and print its facts as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog=BenchSolverOptions.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     for name in ("ticks", "stream", "scattered", "sample", "seed", "repeat", "solver"):
         default = getattr(BenchSolverOptions, name)
         parser.add_argument(f"--{name}", type=type(default), default=default, help="default %(default)s")
