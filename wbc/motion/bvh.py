@@ -95,11 +95,7 @@ def _hierarchy(text: str) -> list[_Joint]:
                 raise InputError(f"{word} belongs to no joint")
             joint = joints[opened[-1]]
             if word == "OFFSET":
-                joint.offset = [_number(f"OFFSET of joint '{joint.name}'", number) for number in rest.split()]
-                if len(joint.offset) != 3:
-                    raise InputError(
-                        f"OFFSET of joint '{joint.name}' must be three numbers, got {len(joint.offset)}"
-                    )
+                joint.offset = _offset(joint.name, rest.split())
             else:
                 joint.channels = _channels(joint.name, rest.split())
         elif word != "HIERARCHY":
@@ -153,6 +149,14 @@ def _number(what: str, text: str) -> float:
     if not abs(value) <= FARTHEST:
         raise InputError(f"{what} must be within ±{FARTHEST:g}, got {value:g}")
     return value
+
+
+def _offset(name: str, words: list[str]) -> list[float]:
+    """Return the offset of a joint."""
+    offset = [_number(f"OFFSET of joint '{name}'", word) for word in words]
+    if len(offset) != 3:
+        raise InputError(f"OFFSET of joint '{name}' must be three numbers, got {len(offset)}")
+    return offset
 
 
 def _channels(name: str, words: list[str]) -> list[str]:

@@ -6,9 +6,10 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
@@ -77,7 +78,7 @@ class MotionClip:
                 f"joints of a motion must be in rad, joint '{names[worst]}' turns as far as {far[worst]:.1f} rad; "
                 "in degrees?"
             )
-        base[:, 3:] = _unit(base[:, 3:])
+        base[:, 3:] = _unit_quaternions(base[:, 3:])
         tilt = float(rotation_of(base[0, 3:])[2, 2])
         if tilt < UPRIGHT:
             raise InputError(
@@ -166,7 +167,7 @@ def _refuse_bolted(robot: Robot) -> None:
         raise InputError(f"a motion has a base that moves, robot '{robot.name}' is bolted to the world")
 
 
-def table_of(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:
+def table_of(what: str, values: ArrayLike, count: int, columns: Sequence[str], rate: float) -> Array:
     """Return a copy of the numbers of all frames, shape (count, columns), after a check of each."""
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":
@@ -182,9 +183,9 @@ def table_of(what: str, values: Any, count: int, columns: Sequence[str], rate: f
     return np.array(array, dtype=float)
 
 
-def _unit(quaternions: Any) -> Array:
+def _unit_quaternions(quaternions: Array) -> Array:
     """Normalise quaternions and keep their sign from frame to frame."""
-    q = np.array(quaternions, dtype=float)
+    q = quaternions.copy()
     norms = np.linalg.norm(q, axis=1)
     if (abs(norms - 1.0) > 0.05).any():
         frame = int(np.argmax(abs(norms - 1.0) > 0.05))

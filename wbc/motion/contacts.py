@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
@@ -109,7 +108,7 @@ def touching(corners: Array, rate: float) -> tuple[float, Array]:
     return ground, standing
 
 
-def runs(flags: Any) -> list[tuple[int, int]]:
+def runs(flags: ArrayLike) -> list[tuple[int, int]]:
     """Return first index and the one after the last of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=int), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -11,7 +11,7 @@ import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from wbc.motion.clip import BASE_COLUMNS, MotionClip
 from wbc.motion.skeleton import SkeletonClip
 
 Axis = Literal["x", "y", "z"]
+Said = TypeVar("Said", float, tuple[str, ...])
 
 LARGEST = 500_000_000
 """Largest file that is read, bytes."""
@@ -99,7 +100,11 @@ def read_motion(
             base, positions = _placed(data)
             names = data.get("joint_names")
             return MotionClip(
-                _agreed("joint names (joints)", None if names is None else _texts(names), joints),
+                _agreed(
+                    "joint names (joints)",
+                    None if names is None else _texts(names),
+                    None if joints is None else tuple(joints),
+                ),
                 _agreed("rate (rate, Hz)", _rate(data), rate),
                 base,
                 positions,
@@ -227,19 +232,7 @@ def _columns(path: Path) -> dict[str, Any]:
     twice = next((name for name in (*BASE_COLUMNS, "time") if header.count(name) > 1), None)
     if named and twice is not None:
         raise InputError(f"a column must occur once, got '{twice}' {header.count(twice)} times")
-    try:
-        values = np.loadtxt(lines[named:], delimiter=",", comments=None, quotechar='"', ndmin=2)
-    except ValueError as error:
-        wrong = next(
-            (
-                f"{shown(cell)} in row {i + 1}, column {j + 1}"
-                for i, row in enumerate(csv.reader(lines))
-                for j, cell in enumerate(row)
-                if i >= named and not _is_number(cell)
-            ),
-            str(error),
-        )
-        raise InputError(f"its cells must be numbers with a decimal point, got {wrong}") from None
+    values = _cells(lines, named)
     if named and values.shape[1] != len(header):
         raise InputError(f"its header names {len(header)} columns, its rows have {values.shape[1]}")
     if not named:
@@ -247,14 +240,36 @@ def _columns(path: Path) -> dict[str, Any]:
     rest = [i for i, column in enumerate(header) if column not in (*BASE_COLUMNS, "time")]
     data = {"base": values[:, [header.index(c) for c in BASE_COLUMNS]], "joints": values[:, rest]}
     if "time" in header and len(values) > 1:
-        steps = np.diff(values[:, header.index("time")])
-        step = float(np.median(steps))
-        if not (steps > 0.0).all() or (abs(steps - step) > 0.01 * step).any():
-            raise InputError(
-                f"{path}: times must increase evenly, to 1 %, got steps of {steps.min():g} to {steps.max():g} s"
-            )
-        data["rate"] = np.array(1.0 / step)
+        data["rate"] = np.array(_rate_of(values[:, header.index("time")]))
     return data | {"joint_names": np.array([header[i] for i in rest])}
+
+
+def _cells(lines: Sequence[str], first: int) -> Array:
+    """Return the numbers of the lines from the first one on, shape (frames, columns)."""
+    try:
+        return np.loadtxt(lines[first:], delimiter=",", comments=None, quotechar='"', ndmin=2)
+    except ValueError as error:
+        wrong = next(
+            (
+                f"{shown(cell)} in row {i + 1}, column {j + 1}"
+                for i, row in enumerate(csv.reader(lines))
+                for j, cell in enumerate(row)
+                if i >= first and not _is_number(cell)
+            ),
+            str(error),
+        )
+        raise InputError(f"its cells must be numbers with a decimal point, got {wrong}") from None
+
+
+def _rate_of(times: Array) -> float:
+    """Return the frames per second, Hz, of times, s."""
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if not (steps > 0.0).all() or (abs(steps - step) > 0.01 * step).any():
+        raise InputError(
+            f"times must increase evenly, to 1 %, got steps of {steps.min():g} to {steps.max():g} s"
+        )
+    return 1.0 / step
 
 
 def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -300,12 +315,13 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _agreed(what: str, own: Any, given: Any) -> Any:
+def _agreed(what: str, own: Said | None, given: Said | None) -> Said:
     """Return what a file says, or else the caller; they must not contradict each other."""
-    if own is None and given is None:
+    said = given if own is None else own
+    if said is None:
         raise InputError(f"the file does not say its {what}: give them")
-    if own is None or given is None:
-        return given if own is None else own
-    if not (np.allclose(own, given, rtol=1e-3) if isinstance(own, float) else own == tuple(given)):
-        raise InputError(f"the file says another {what}: {own}, not {given}")
-    return own
+    if given is not None and not (
+        np.allclose(said, given, rtol=1e-3) if isinstance(said, float) else said == given
+    ):
+        raise InputError(f"the file says another {what}: {said}, not {given}")
+    return said

@@ -12,7 +12,7 @@ from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.robot import Robot
 from wbc.core.trajectories import minimum_jerk
-from wbc.motion.kinematics import Soles
+from wbc.motion.kinematics import Soles, moved, offset_between
 from wbc.tasks import CoMTask, OrientationTask, PoseTask, PostureTask
 
 STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
@@ -84,15 +84,14 @@ def planted(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array, fad
         pin.framesForwardKinematics(robot.model, data, given)
         present.append([data.oMf[frame].copy() for frame in frames])
         for side, (sole, place) in enumerate(zip(present[i], soles[i], strict=True)):
-            turn = np.asarray(pin.log3(place.rotation @ sole.rotation.T))
-            corrections[i, side] = np.concatenate([place.translation - sole.translation, turn])
+            corrections[i, side] = offset_between(sole, place)
     for side in (0, 1):
         _fade(corrections[:, side], standing[:, side], fade)
     for i in np.flatnonzero(abs(corrections).max(axis=(1, 2)) > 0.1 * SMALL).tolist():
         ik.update(q[i])
         base.target, posture.target = base.present(robot), q[i, 7:]
         for foot, sole, correction in zip(feet, present[i], corrections[i], strict=True):
-            foot.target = pin.SE3(pin.exp3(correction[3:]) @ sole.rotation, sole.translation + correction[:3])
+            foot.target = moved(sole, correction)
         found = ik.reach(SMALL, ITERATIONS)
         if found.reached:
             result[i] = found.configuration

@@ -139,6 +139,17 @@ class BodyMotion:
         return robot.torque_share(torques)
 
 
+def offset_between(sole: pin.SE3, place: pin.SE3) -> Array:
+    """Return way, m, and rotation vector, rad, from one placement to another in the world, shape (6,)."""
+    turn = np.asarray(pin.log3(place.rotation @ sole.rotation.T))
+    return np.concatenate([place.translation - sole.translation, turn])
+
+
+def moved(sole: pin.SE3, offset: Array) -> pin.SE3:
+    """Return a placement moved by an offset; see `offset_between`."""
+    return pin.SE3(pin.exp3(offset[3:]) @ sole.rotation, sole.translation + offset[:3])
+
+
 def corners_of(robot: Robot, soles: Sequence[Soles]) -> Array:
     """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m."""
     own = robot.soles[:2]

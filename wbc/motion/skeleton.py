@@ -30,7 +30,8 @@ SMPL, Human3.6M, Unreal and 3ds Max."""
 OPTIONAL = ("toe",)
 """Joints of a limb that a skeleton may lack."""
 
-SIDES = {"left": ("left", "l"), "right": ("right", "r")}
+SIDE_WORDS = {"left": ("left", "l"), "right": ("right", "r")}
+"""Side → its words in the names of joints."""
 
 MOST_JOINTS = 1000
 """Most joints and end sites of a skeleton."""
@@ -109,7 +110,7 @@ class SkeletonClip:
         """
         places = limb_places(self.joint_names, joints or {})
         found = {part: self.positions[:, place] for part, place in places.items()}
-        for side in SIDES:
+        for side in SIDE_WORDS:
             for chain in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist")):
                 for upper, lower in zip(chain, chain[1:], strict=False):
                     self._check_length(found, f"{side}_{upper}", f"{side}_{lower}")
@@ -134,19 +135,19 @@ class SkeletonClip:
         Toes are in front of the ankles and knees bend forward; where neither shows, nothing is said.
         """
         hips, shoulders = (found[f"left_{part}"] - found[f"right_{part}"] for part in ("hip", "shoulder"))
-        up = 0.5 * sum(found[f"{side}_shoulder"] - found[f"{side}_hip"] for side in SIDES)
+        up = 0.5 * sum(found[f"{side}_shoulder"] - found[f"{side}_hip"] for side in SIDE_WORDS)
         ahead = np.cross(hips, up)
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), np.finfo(float).tiny)
         wrong = ""
         if float(np.mean((hips * shoulders).sum(axis=1))) < 0.0:
             wrong = "the shoulders lie the other way round than the hips"
-        elif all(f"{side}_toe" in found for side in SIDES):
-            toes = sum(found[f"{side}_toe"] - found[f"{side}_ankle"] for side in SIDES)
+        elif all(f"{side}_toe" in found for side in SIDE_WORDS):
+            toes = sum(found[f"{side}_toe"] - found[f"{side}_ankle"] for side in SIDE_WORDS)
             if float(np.mean((toes * ahead).sum(axis=1))) < 0.0:
                 wrong = "the toes point backward"
         else:
             bends = []
-            for side in SIDES:
+            for side in SIDE_WORDS:
                 hip, knee, ankle = (found[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
                 bend = ((knee - 0.5 * (hip + ankle)) * ahead).sum(axis=1)
                 bends.append(bend / np.maximum(np.linalg.norm(hip - ankle, axis=1), np.finfo(float).tiny))
@@ -169,7 +170,7 @@ class SkeletonClip:
 
 def limb_places(names: tuple[str, ...], joints: Mapping[str, str]) -> dict[str, int]:
     """Return the place of each joint of the limbs among the names of a skeleton; see `SkeletonClip.limbs`."""
-    wanted = [f"{side}_{part}" for part in NAMES for side in SIDES]
+    wanted = [f"{side}_{part}" for part in NAMES for side in SIDE_WORDS]
     for part, name in joints.items():
         choose("joint of a limb", part, wanted)
         choose(f"joint for {part}", name, names)
@@ -201,7 +202,7 @@ def _without_side(name: str) -> tuple[str, str] | None:
     words = re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)
     words = [word.lower() for word in words]
     for place, word in enumerate(words):
-        for side, marks in SIDES.items():
+        for side, marks in SIDE_WORDS.items():
             if word in marks:
                 return side, "".join(words[place + 1 :] or words[:place])
     return None

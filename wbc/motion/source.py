@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -37,7 +38,15 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.footsteps import smoothstep
-from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, Soles, least_lift, zmp_of
+from wbc.motion.kinematics import (
+    FORCE_SMOOTHING,
+    BodyMotion,
+    Soles,
+    least_lift,
+    moved,
+    offset_between,
+    zmp_of,
+)
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
@@ -84,7 +93,6 @@ class MotionSource(ReferenceSource):
         configurations: Configurations of the clip at the ticks, shape (T, nq).
         motion: References of all ticks, from the clip.
         tick: Index of the present tick in `motion`.
-        landings: Number of landings so far.
         com_height: Height of the CoM over the soles at the start, m.
     """
 
@@ -117,18 +125,14 @@ class MotionSource(ReferenceSource):
                 f"'{robot.joint_names[worst]}' is at {robot.q[7 + worst]:.3f} rad, in the clip at "
                 f"{q[0, 7 + worst]:.3f} rad"
             )
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
-        left, right = (place.copy() for place in self._soles)
+        soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
+        left, right = (place.copy() for place in soles)
         ground = 0.5 * float(left.translation[2] + right.translation[2])
         self.com_height = min(float(robot.com[2]) - ground, Leg(robot).bent_height(DriveSettings().stretch))
         self.clip = placed(clip, motion.soles[0], (left, right))
         self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
         self.tick = 0
-        self.landings = 0
-        self._places: list[pin.SE3] = [left, right]  # of feet that stand
-        # Tick of lift-off, and offset from the clip there.
-        self._swings: list[tuple[int, Array] | None] = [None, None]
-        self._early = [False, False]  # feet that stand before their time
+        self._feet = [_Foot(sole, dt) for sole in soles]
         self._load, self._ahead = TOUCH_DOWN * robot.mass * GRAVITY, round(EARLY / dt)
 
     @property
@@ -136,52 +140,80 @@ class MotionSource(ReferenceSource):
         """True when the clip is over and the robot stands in its last frame."""
         return self.tick >= len(self.motion) - 1
 
+    @property
+    def landings(self) -> int:
+        """Number of landings so far."""
+        return sum(foot.landings for foot in self._feet)
+
     def update(self, state: State) -> Reference:
         """Return the references of this tick, and land or lift the feet."""
-        self.tick = i = min(round(state.time / self._dt), len(self.motion) - 1)
-        loads = state.load.tolist()
-        events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
-        contact = (self._swings[0] is None, self._swings[1] is None)
-        phase = (
-            GaitPhase.STANDING if self.finished else (GaitPhase.DOUBLE if all(contact) else GaitPhase.SINGLE)
-        )
-        feet = (self._foot(0, i), self._foot(1, i))
+        last = len(self.motion) - 1
+        self.tick = i = min(round(state.time / self._dt), last)
+        given, soon = self.motion[i], self.motion[min(i + self._ahead, last)].progress.contact
+        bears = [load > self._load for load in state.load.tolist()]
+        events: tuple[Event, ...] = ()
+        for side, foot in enumerate(self._feet):
+            planned = given.progress.contact[side]
+            events += foot.switch(i, given.feet[side], planned=planned, early=soon[side] and bears[side])
+        left, right = (foot.motion(i, each) for foot, each in zip(self._feet, given.feet, strict=True))
+        contact = self._feet[0].stands, self._feet[1].stands
+        phase = GaitPhase.DOUBLE if all(contact) else GaitPhase.SINGLE
         swing = None if all(contact) else contact.index(False)
-        stance, heading = 0 if swing is None else 1 - swing, self.motion[i].progress.heading
-        now = Progress(phase, stance, swing, contact, heading, self.landings, events=events)
-        return self.motion[i]._replace(feet=feet, progress=now)
+        now = Progress(
+            phase=GaitPhase.STANDING if self.finished else phase,
+            stance=0 if swing is None else 1 - swing,
+            swing=swing,
+            contact=contact,
+            heading=given.progress.heading,
+            steps_done=self.landings,
+            events=events,
+        )
+        return given._replace(feet=(left, right), progress=now)
 
-    def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
-        """Lift or land a foot when the clip says so, or when it meets the ground a little before."""
-        planned = self.motion[i].progress.contact[side]
-        if self._swings[side] is None:
-            if planned or self._early[side]:
-                self._early[side] = self._early[side] and not planned
+
+class _Foot:
+    """One sole of a robot that tracks a clip: it stands at a place, or follows the clip from where it was lifted.
+
+    Attributes:
+        landings: Number of its landings so far.
+    """
+
+    def __init__(self, sole: pin.SE3, dt: float) -> None:
+        """Stand where the sole is, whose placement is that of every tick."""
+        self._sole, self._dt = sole, dt
+        self._place, self.landings = sole.copy(), 0
+        self._lifted: tuple[int, Array] | None = None  # tick of lift-off, and offset from the clip there
+        self._early = False  # it stands before its time
+
+    @property
+    def stands(self) -> bool:
+        """True for a sole on the ground."""
+        return self._lifted is None
+
+    def switch(self, i: int, given: FootMotion, *, planned: bool, early: bool) -> tuple[Event, ...]:
+        """Lift or land when the clip says so, by a `planned` contact, or when the foot meets the ground `early`."""
+        if self._lifted is None:
+            if planned or self._early:
+                self._early = self._early and not planned
                 return ()
-            place, given = self._soles[side], self.motion[i].feet[side].placement
-            turn = np.asarray(pin.log3(place.rotation @ given.rotation.T))
-            self._swings[side] = i, np.concatenate([place.translation - given.translation, turn])
+            self._lifted = i, offset_between(given.placement, self._sole)
             return (Event.LIFT_OFF,)
-        soon = self.motion[min(i + self._ahead, len(self.motion) - 1)].progress.contact[side]
-        if not (planned or (soon and load > self._load)):
+        if not (planned or early):
             return ()
-        self._swings[side], self._early[side] = None, not planned
-        self._places[side] = pin.SE3(self._soles[side])
+        self._lifted, self._early, self._place = None, not planned, pin.SE3(self._sole)
         self.landings += 1
         return (Event.TOUCH_DOWN if planned else Event.EARLY_TOUCH_DOWN,)
 
-    def _foot(self, side: int, i: int) -> FootMotion:
-        """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted."""
-        swing, given = self._swings[side], self.motion[i].feet[side]
-        if swing is None:
-            return FootMotion.at_rest(self._places[side])
-        begin, offset = swing
+    def motion(self, i: int, given: FootMotion) -> FootMotion:
+        """Return the motion in a tick: at rest where the sole stands; in the air the given one, from where it was."""
+        if self._lifted is None:
+            return FootMotion.at_rest(self._place)
+        begin, offset = self._lifted
         x = (i - begin) * self._dt / FADE
         if x >= 1.0:
             return given
         share, rate = 1.0 - smoothstep(x), -6.0 * x * (1.0 - x) / FADE
-        placement, turn = given.placement, pin.exp3(share * offset[3:])
-        placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
+        placement = moved(given.placement, share * offset)
         return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
 
 
@@ -194,27 +226,10 @@ def clip_references(
     of the ground, m.
     """
     q, v, a = splines(robot, clip, dt)
-    count = len(q)
-    nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
-    model, data = robot.model, robot.model.createData()
-    soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
-    parts = [robot.frame_id(part) for part in robot.trunk_frames]
-    com, velocity, acceleration, turning = (np.empty((count, 3)) for _ in range(4))
-    moving: list[tuple[list[FootMotion], list[FootMotion]]] = []
-
-    def motion(frame: int) -> FootMotion:
-        speed = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        change = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        return FootMotion(data.oMf[frame].copy(), speed.vector.copy(), change.vector.copy())
-
-    for i in range(count):
-        turning[i] = pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i]).angular
-        pin.centerOfMass(model, data, q[i], v[i], a[i])
-        com[i], velocity[i], acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
-        pin.updateFramePlacements(model, data)
-        moving.append(([motion(sole) for sole in soles], [motion(part) for part in parts]))
+    body = _Motion.of(robot, q, v, a)
+    com, acceleration = body.com, body.acceleration
     # The pendulum whose ZMP is that of the motion of all bodies.
-    zmp = zmp_of(com, acceleration, turning / robot.mass, ground)
+    zmp = zmp_of(com, acceleration, body.turning / robot.mass, ground)
     zmp = gaussian_filter1d(zmp, FORCE_SMOOTHING / dt, axis=0, mode="nearest")
     height = com[:, 2:] - ground
     asked = acceleration.copy()
@@ -222,25 +237,59 @@ def clip_references(
     points = np.insert(zmp, 2, ground, axis=1)
     rates = np.insert(np.gradient(zmp, dt, axis=0), 2, 0.0, axis=1)
     omega = np.sqrt(GRAVITY / height[:, 0]).tolist()
-    pendulums = zip(com, velocity, asked, points, rates, omega, strict=True)
+    pendulums = zip(com, body.velocity, asked, points, rates, omega, strict=True)
+    nearest = np.minimum(np.round(np.arange(len(q)) * dt * clip.rate).astype(int), len(clip) - 1)
     return q, tuple(
         Reference(
             Pendulum(*pendulum),
             (left, right),
-            Progress(
-                contact=tuple(standing[nearest[i]].tolist()),
-                heading=_facing(left.placement, right.placement),
-            ),
+            Progress(contact=tuple(contact), heading=_facing(left.placement, right.placement)),
             body=WholeBody(
-                acceleration[i],
-                [(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],
-                q[i, 7:],
-                v[i, 6:],
-                a[i, 6:],
+                com_acceleration=acceleration[i],
+                trunk=[(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],
+                position=q[i, 7:],
+                velocity=v[i, 6:],
+                acceleration=a[i, 6:],
             ),
         )
-        for i, (pendulum, ((left, right), trunk)) in enumerate(zip(pendulums, moving, strict=True))
+        for i, (pendulum, contact, (left, right), trunk) in enumerate(
+            zip(pendulums, standing[nearest].tolist(), body.soles, body.trunk, strict=True)
+        )
     )
+
+
+class _Motion(NamedTuple):
+    """Motion of the bodies in T ticks, in the world."""
+
+    com: Array  # centre of mass, shape (T, 3), m
+    velocity: Array  # its velocity, shape (T, 3), m/s
+    acceleration: Array  # its acceleration, shape (T, 3), m/s²
+    turning: Array  # rate of the angular momentum about it, shape (T, 3), Nm
+    soles: list[list[FootMotion]]  # of each tick, left and right
+    trunk: list[list[FootMotion]]  # of each tick, pelvis and torso
+
+    @staticmethod
+    def of(robot: Robot, q: Array, v: Array, a: Array) -> _Motion:
+        """Compute all motions of configurations, velocities and accelerations."""
+        model, data, count = robot.model, robot.model.createData(), len(q)
+        soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+        parts = [robot.frame_id(part) for part in robot.trunk_frames]
+        com, velocity, acceleration, turning = (np.empty((count, 3)) for _ in range(4))
+        made = _Motion(com, velocity, acceleration, turning, [], [])
+
+        def motion(frame: int) -> FootMotion:
+            speed = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            change = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            return FootMotion(data.oMf[frame].copy(), speed.vector.copy(), change.vector.copy())
+
+        for i in range(count):
+            turning[i] = pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i]).angular
+            pin.centerOfMass(model, data, q[i], v[i], a[i])
+            com[i], velocity[i], acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
+            pin.updateFramePlacements(model, data)
+            made.soles.append([motion(sole) for sole in soles])
+            made.trunk.append([motion(part) for part in parts])
+        return made
 
 
 def splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Array]:
