@@ -14,7 +14,7 @@ from _hands import connect, hand_options, report, stand
 from wbc.sim import make_scene
 
 SURFACES = {
-    "table": ((0.42, 0.7), (0.0, 0.0, -1.0), 0.0),
+    "table": ((0.38, 0.7), (0.0, 0.0, -1.0), 0.0),
     "wall": ((0.76, 0.42), (1.0, 0.0, 0.0), 1.0),
     "rail": ((0.775, 0.53), (0.65, 0.0, -0.76), 1.0),
 }
