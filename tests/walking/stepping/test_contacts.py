@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from pendulum import com_after
 from point_mass import SCALE, PointMass, Tick
 
 from wbc.core.robot import SIDES
@@ -74,6 +75,28 @@ def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alo
             goes_on = last.pendulum.com + DT * last.pendulum.com_velocity
             np.testing.assert_allclose(past.com[:2], goes_on[:2], atol=1e-3)
     assert phases == set(GaitPhase)
+
+
+@pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, -0.2, 0.0), (-0.2, 0.0, 0.5)])
+def test_com_and_dcm_of_the_reference_go_on_through_landings_and_changes_of_feet(
+    velocity: tuple[float, float, float],
+) -> None:
+    """Each tick continues the fall about the last ZMP, whatever the step does, while nothing pushes."""
+    body, walked = PointMass(), set[Event]()
+    body.run(0.6)
+    body.gait.steering.command(velocity)
+    body.run(4.0)
+    for before, tick in itertools.pairwise(body.ticks):
+        last, now = before.reference, tick.reference
+        if not last.progress.phase is now.progress.phase is GaitPhase.SINGLE:
+            continue
+        walked.update(now.progress.events)
+        fall = last.pendulum.com[:2], last.pendulum.com_velocity[:2], last.pendulum.zmp[:2]
+        com, speed = com_after(*fall, SCALE.omega, DT)
+        np.testing.assert_allclose(now.pendulum.com[:2], com, atol=5e-5)
+        dcm = now.pendulum.com + now.pendulum.com_velocity / SCALE.omega
+        np.testing.assert_allclose(dcm[:2], com + speed / SCALE.omega, atol=3e-4)
+    assert {Event.LIFT_OFF, Event.TOUCH_DOWN} <= walked
 
 
 def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:
