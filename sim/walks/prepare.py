@@ -23,7 +23,7 @@ from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import OutOfReachError, check_plan, sized
+from wbc.walking.plans.reach import OutOfReachError, sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 
@@ -117,7 +117,6 @@ def prepare(
             check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'")
         orders, time = _orders(plan, steps, walking.source)
     else:
-        check_plan(steps, walking.walk.reach, extent)
         cycle = step_gait.cycle
         swings = len(steps) * cycle - step_gait.double_support
         orders, time = plan.drive, swings + step_gait.initial_double_support + step_gait.final_double_support

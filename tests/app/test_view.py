@@ -245,7 +245,7 @@ def test_arrows_of_forces_are_as_long_as_their_share_of_the_weight() -> None:
 def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
-    steps = walking.walk.phases.plan.steps
+    steps = walking.source.phases.plan.steps
     first = stage.picture()
     for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
         assert middle(mark) == pytest.approx(step.position + (0.0, 0.0, LIFT), abs=1e-5)
@@ -254,7 +254,7 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
     wanted = None
     while walking.steps_done < 2:
         if walking.progress.swing_side == "left":
-            place = walking.walk.phases.plan.steps[0].position
+            place = walking.source.phases.plan.steps[0].position
             wanted = drift_of(trial.plant, walking)(np.array([place]), 0)[0]
         tick(trial)
         picture = stage.picture()
@@ -294,7 +294,7 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
 def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     trial = WalkTrial(short_walk(foot="soft", noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
-    while walking.walk.swing is None:
+    while walking.source.swing is None:
         tick(trial)
     for _ in range(40):
         tick(trial)

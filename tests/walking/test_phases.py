@@ -264,7 +264,7 @@ def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_d
     """An offset x decays as (1 + ωt) e^{−ωt} x, its velocity and acceleration with it; the ZMP is the pattern's."""
     w = walking()
     run(w, ideal, 0.1)
-    falls = w.omega * DT * np.arange(1, 81)
+    falls = w.course.pattern.omega * DT * np.arange(1, 81)
     for start, speed in ((0.01 - 0.02j, 0j), (0j, 0.1 + 0.05j)):
         w.course._off.value, w.course._off.velocity = start, speed
         offs = []
@@ -276,7 +276,7 @@ def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_d
             w.course.since += w.dt
             w.course._off.follow(-w.course._off.value, w.dt)
             offs.append(complex(*(w.course.pendulum().com - w.course.pattern.at(w.course.since).com)[:2]))
-        expected = (start * (1.0 + falls) + speed * falls / w.omega) * np.exp(-falls)
+        expected = (start * (1.0 + falls) + speed * falls / w.course.pattern.omega) * np.exp(-falls)
         np.testing.assert_allclose(offs, expected, atol=5e-4)
 
 

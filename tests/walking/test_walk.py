@@ -72,7 +72,7 @@ def run(
     for k in range(round(seconds / dt)):
         if act is not None:
             act(walk, k * dt)
-        dcm = (com + velocity / walk.omega)[:2]
+        dcm = (com + velocity / walk.course.pattern.omega)[:2]
         reference = walk.advance(wrenches[:, 2], None, dcm)
         soles = [motion.placement for motion in reference.feet]
         output = stabilizer.update(
@@ -108,7 +108,7 @@ def run(
             if touching[i]
         )
         zmp = project(zmp, *support_area(feet, SIZES))
-        flat, speed = com_after(com[:2], velocity[:2], zmp, walk.omega, dt)
+        flat, speed = com_after(com[:2], velocity[:2], zmp, walk.course.pattern.omega, dt)
         com = np.array([*flat, reference.pendulum.com[2]])
         velocity = np.array([*speed, reference.pendulum.com_velocity[2]])
         if push is not None and push[0] <= k * dt < push[0] + dt:

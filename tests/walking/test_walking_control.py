@@ -145,7 +145,7 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
         share = min(share / float((left - right) @ (left - right)), 1.0)
         left_on, right_on = reference.progress.contact
         if not (left_on and right_on):
-            late = walking.walk.phases.elapsed >= walking.walk.phases.duration - 1e-9
+            late = walking.source.phases.elapsed >= walking.source.phases.duration - 1e-9
             share = (
                 float(reference.progress.contact[0]) * (0.8 if late else 1.0)
                 + 0.2 * late * reference.progress.contact[1]
@@ -170,9 +170,9 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     assert walking.balance is not None
     bias = walking.balance.bias
     assert bias is not None
-    advance = walking.walk.advance
+    advance = walking.source.advance
     monkeypatch.setattr(
-        walking.walk,
+        walking.source,
         "advance",
         lambda loads, soles, dcm, turned: given.append(dcm) or advance(loads, soles, dcm, turned),
     )
@@ -182,7 +182,7 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     for tick in range(40):
         walking.command(replace(sensors(robot, tick, robot.half_sitting, (0.03, 0.0)), joint_velocity=speed))
         estimate = walking.drives.observer.robot
-        dcm = estimate.com[:2] + estimate.com_velocity[:2] / walking.walk.omega
+        dcm = estimate.com[:2] + estimate.com_velocity[:2] / walking.source.course.pattern.omega
         np.testing.assert_allclose(given[-1][:2], dcm - bias.bias, atol=1e-9)
     assert np.abs(bias.bias).max() > 1e-3 and np.abs(estimate.com_velocity[0]) > 0.02
 

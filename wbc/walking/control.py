@@ -47,7 +47,6 @@ from wbc.walking.body import STEPPING_TURN, UNTWISTED, Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity, VelocityLimits, checked_velocity
@@ -309,13 +308,6 @@ class WalkingControl(SteeredControl):
     def done(self) -> bool:
         """True when the walk is over: finished, dropped, or ended by a fall."""
         return self.source.finished or self.fallen is not None
-
-    @property
-    def walk(self) -> LipmWalk:
-        """Phases, pattern and footsteps of planned steps."""
-        if not isinstance(self.source, LipmWalk):
-            raise InputError(f"only planned steps have phases and a pattern, got {shown(self.source)}")
-        return self.source
 
     @property
     def hands(self) -> Hands:

@@ -10,14 +10,12 @@ recursion of the DCM).
 
 from __future__ import annotations
 
-import cmath
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.base.errors import InputError
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.schedule import HeightProfile
 
@@ -52,8 +50,6 @@ class Pattern:
         profile: HeightProfile,
     ) -> None:
         """Follow a line of ZMPs at times from 0; of the start only the convergent part of the CoM is used."""
-        if times[0] != 0.0 or any(a >= b for a, b in zip(times, times[1:], strict=False)):
-            raise InputError(f"times of a pattern must increase from 0, got {times}")
         self.times, self.zmp, self.height, self._profile = times, zmp, height, profile
         self.omega = omega = natural_frequency(height)
         self.dcm = dcm_backwards(times, zmp, omega)
@@ -66,8 +62,6 @@ class Pattern:
             self._pieces.append((point, rate, self.dcm[i], convergent))
             lag = point - rate / omega
             convergent = lag + span * rate + math.exp(-omega * span) * (convergent - lag)
-        if not cmath.isfinite(convergent + self.dcm[0]):
-            raise InputError("ZMP, CoM and its velocity of a pattern must be finite")
 
     def at(self, time: float) -> Pendulum:
         """Return the pendulum at a time from the start of the pattern (s, not negative)."""

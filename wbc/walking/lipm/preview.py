@@ -87,8 +87,6 @@ class PreviewController:
 
     def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
         """Plan from the pendulum through a schedule to rest."""
-        if not supports:
-            raise InputError("a schedule must have at least one support")
         times, points, areas = self._knots(supports, complex(*start.zmp[:2].tolist()))
         dcm = start.com[:2] + start.com_velocity[:2] / self.omega
         error = complex(*dcm.tolist()) - dcm_backwards(times, points, self.omega)[0]

@@ -25,7 +25,7 @@ from wbc.base.numbers import ROUNDING, Array
 from wbc.core.drive.control import State
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY, SIDES, Robot
-from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
@@ -73,7 +73,6 @@ class LipmWalk(ReferenceSource):
         swing: Swing of this step; None on both feet.
         ground: What is known of the ground.
         com_height: Height of the CoM over the support while walking, m.
-        omega: Natural frequency of the pendulum, 1/s.
         drift_correction: Yaw-drift correction of the remaining footsteps: their motion since the planner was taken, for
             soles that have turned on the ground, which the estimated world follows.
     """
@@ -100,7 +99,7 @@ class LipmWalk(ReferenceSource):
         An `InputError` for a plan that cannot be walked on a ground of an extent, m; None is endless.
         """
         self.settings = s = settings or WalkSettings()
-        self.com_height, self.omega = com_height, natural_frequency(com_height)
+        self.com_height = com_height
         self.reach, self._robot = reach or Reach.of(robot, com_height), robot
         for note in plan.gait.on_grid(dt)[1]:  # of what is given
             logger.warning("%s", note)
