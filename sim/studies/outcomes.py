@@ -7,7 +7,6 @@ it need not be run twice. The kinds of the library are in `kinds` and `push_limi
 
 from __future__ import annotations
 
-import faulthandler
 import logging
 import math
 import time
@@ -111,22 +110,14 @@ def trial_from_json(data: Mapping[str, Any]) -> Any:
 
 
 @checked
-def run_trial(
-    spec: AnyTrialSpec, timeout: Annotated[Positive, "s"] | None = None, *, exit_when_stuck: bool = False
-) -> Outcome:
-    """Run a trial for at most `timeout` seconds of wall time; an error is an outcome, and is not raised.
-
-    `exit_when_stuck` ends the process if a call into a library does not return within twice `timeout` plus 30 s. It is
-    for local processes, which are started again.
-    """
+def run_trial(spec: AnyTrialSpec, timeout: Annotated[Positive, "s"] | None = None) -> Outcome:
+    """Run a trial for at most `timeout` seconds of wall time; an error is an outcome, and is not raised."""
     stop = math.inf if timeout is None else time.monotonic() + timeout
 
     def check() -> None:
         if time.monotonic() > stop:
             raise TrialTimeout(f"not done after {timeout:g} s")
 
-    if exit_when_stuck and timeout is not None:
-        faulthandler.dump_traceback_later(2.0 * timeout + 30.0, exit=True, file=2)
     try:
         outcome = KINDS.find(spec.kind)[1].run(spec, check)
         if not isinstance(outcome, Outcome):
@@ -143,9 +134,6 @@ def run_trial(
         logging.getLogger(__name__).debug("trial crashed", exc_info=True)
         where = traceback.format_exc(limit=-3)
         return Outcome("crashed", error=f"{type(error).__name__}: {error}\n{where}")
-    finally:
-        if exit_when_stuck and timeout is not None:
-            faulthandler.cancel_dump_traceback_later()
 
 
 class TimeoutHook(TrialHook):

@@ -161,7 +161,7 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
     """
     while pending:
         with local_executor(min(workers, len(pending))) as pool:
-            lost = _feed(pool, pending, timeout, workers, record, stuck_ends=True)
+            lost = _feed(pool, pending, timeout, workers, record)
         for trial in lost:
             with local_executor(1) as pool:
                 try:
@@ -171,7 +171,7 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
                         "a process for the trials has ended before one began; the standard error may say why (a script "
                         "that starts a sweep needs `if __name__ == '__main__':`)"
                     ) from error
-                if _feed(pool, deque([trial]), timeout, 1, record, stuck_ends=True):
+                if _feed(pool, deque([trial]), timeout, 1, record):
                     record(trial[1], Outcome("crashed", error="the process that ran it died"))
 
 
@@ -181,8 +181,6 @@ def _feed(
     timeout: float | None,
     in_flight: int,
     record: Record,
-    *,
-    stuck_ends: bool = False,
 ) -> Pending:
     """Keep an executor busy until nothing is pending, or until it breaks or cancels a trial.
 
@@ -198,7 +196,7 @@ def _feed(
                 try:
                     spec, plain = pending[0]  # another process cannot import the class of a spec from a file
                     sent = plain if in_file(spec.kind) else spec
-                    future = executor.submit(_run, sent, timeout, provenance(), stuck_ends)
+                    future = executor.submit(_run, sent, timeout, provenance())
                 except BrokenExecutor:
                     lost.append(pending.popleft())
                     break
@@ -290,10 +288,8 @@ def _start_worker(parent: int) -> None:
     threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
-def _run(
-    spec: AnyTrialSpec | dict[str, Any], timeout: float | None, version: Mapping[str, Any], stuck_ends: bool
-) -> Outcome:
-    """Run a trial, by the code that the journal will name alone; its process may end when a library does not return.
+def _run(spec: AnyTrialSpec | dict[str, Any], timeout: float | None, version: Mapping[str, Any]) -> Outcome:
+    """Run a trial, by the code that the journal will name alone.
 
     Other code, since sources have changed meanwhile or a cluster has its own, is a `SweepError`.
     """
@@ -304,8 +300,8 @@ def _run(
         )
     if isinstance(spec, dict):
         allow_code(spec)  # the sweep has the spec itself: its code has run
-        return run_trial(trial_from_json(spec), timeout, exit_when_stuck=stuck_ends)
-    return run_trial(spec, timeout, exit_when_stuck=stuck_ends)
+        return run_trial(trial_from_json(spec), timeout)
+    return run_trial(spec, timeout)
 
 
 @checked

@@ -13,7 +13,7 @@ import pytest
 from sweep_trials import MadeUpTrial
 
 from wbc.sim.studies.journal import Entry, Journal
-from wbc.sim.studies.outcomes import Outcome, run_trial
+from wbc.sim.studies.outcomes import Outcome
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study
 from wbc.sim.studies.study_table import cause_of, layout_of, part_of, study_table
@@ -243,27 +243,6 @@ def test_variables_of_the_environment_are_set_for_a_block_alone(monkeypatch: pyt
         raise ZeroDivisionError
     assert os.environ["OMP_NUM_THREADS"] == "7" and "WBC_MADE_UP" not in os.environ
     assert set(module.ONE_THREAD.values()) == {"1"}
-
-
-def test_a_process_that_is_stuck_ends_thirty_seconds_after_twice_its_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """It is told to do so for the time of the trial alone, and never without a time-out."""
-    calls: list[Any] = []
-    stand_in = types.SimpleNamespace(
-        dump_traceback_later=lambda seconds, **how: calls.append((seconds, how)),
-        cancel_dump_traceback_later=lambda: calls.append("off"),
-    )
-    monkeypatch.setattr("wbc.sim.studies.outcomes.faulthandler", stand_in)
-    assert run_trial(MadeUpTrial(3), 10.0, exit_when_stuck=True).status == "done"
-    assert calls == [(50.0, {"exit": True, "file": 2}), "off"]
-    calls.clear()
-    assert run_trial(MadeUpTrial(3, "raise"), 1.0, exit_when_stuck=True).status == "crashed"
-    assert calls == [(32.0, {"exit": True, "file": 2}), "off"]
-    calls.clear()
-    run_trial(MadeUpTrial(3), 10.0)
-    run_trial(MadeUpTrial(3), None, exit_when_stuck=True)
-    assert not calls
 
 
 def test_a_local_process_ends_with_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
