@@ -6,9 +6,6 @@ modules that need MuJoCo end in `_mjcf`; they are not exported here.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.soles.actuator import StiffnessActuator
@@ -39,6 +36,3 @@ __all__ = [
     # Stiffness from roughness
     "StiffnessModel",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

@@ -15,9 +15,6 @@ Where to start, in the order of the data:
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.core.frames import Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
@@ -38,6 +35,3 @@ __all__ = [
     "ServoRule",
     "Sole",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

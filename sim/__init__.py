@@ -4,9 +4,6 @@
 its own beside `balance` and `walks`, with a `TrialSpec`, a `Trial` and a `TrialResult`.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.sim.balance.standing import stand
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 from wbc.sim.foreign.engine import EngineContacts, EngineLoop, EnginePush
@@ -89,6 +86,3 @@ __all__ = [
     "FootTest",
     "press",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

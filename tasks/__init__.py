@@ -6,9 +6,6 @@ A new motion task goes into a file in `motion/`, a new force task into a file in
 test. `balance` has the tasks of a robot that stands, `stabilizer` the DCM stabilizer of walks.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.core.qp.task import SelectionTask, VariableTask
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
@@ -71,6 +68,3 @@ __all__ = [
     "SwingScan",
     "register_stiffness_policy",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

@@ -19,8 +19,8 @@ def __getattr__(name: str) -> object:
     try:
         return _load(name)
     except AttributeError:
-        if name in __all__:
+        if name in __all__ or name.startswith("_"):
             raise
         from wbc.base.errors import missing_from  # noqa: PLC0415 - for the error alone
 
-        missing_from(__name__, [f"{__name__}.{room}" for room in _ROOMS])(name)
+        missing_from(__name__, name, [f"{__name__}.{room}" for room in _ROOMS])

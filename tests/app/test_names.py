@@ -29,13 +29,7 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
         ("wbc", "solve_ik", "in its place: InverseKinematics"),
         ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
         ("wbc", "walk_distanc", "did you mean 'walk_distance'"),
-        ("wbc.tasks", "ComTask", "did you mean 'CoMTask'?"),
-        ("wbc.tasks", "FrameTask", "in its place: PoseTask, PositionTask or OrientationTask"),
-        ("wbc.walking", "Walk", "did you mean 'WalkingControl'"),
-        ("wbc.walking", "WalkingContrl", "did you mean 'WalkingControl'"),
-        ("wbc.app", "draww", "did you mean 'draw'?"),
         ("wbc.sim", "zzzzz", "module 'wbc.sim' has no attribute 'zzzzz'"),
-        ("wbc", "__nothing__", "module 'wbc' has no attribute '__nothing__'"),
     ],
 )
 def test_a_name_that_is_near_is_suggested(module: str, name: str, said: str) -> None:

@@ -6,13 +6,12 @@ import sys
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
 from typing import Any, TypedDict, Unpack
 
 import pytest
 
 from wbc.base import registry
-from wbc.base.errors import InputError, UnknownNameError, missing_from
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.html import html_table
 from wbc.base.processes import child_command
 from wbc.base.registry import (
@@ -193,33 +192,6 @@ def test_parameters_are_checked_before_a_call() -> None:
         return sum(values.values())
 
     assert call_checked("maker", loose, {"a": 1.0, "b": 2.0}) == 3.0
-
-
-def test_a_name_that_a_module_lacks_leads_to_the_one_that_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, names in (
-        ("rooms", ["CoMTask", "Walk", "stand"]),
-        ("rooms.far", ["retarget", "Walk", "PoseTask"]),
-    ):
-        module: Any = ModuleType(name)
-        module.__all__ = names
-        monkeypatch.setitem(sys.modules, name, module)
-    missing = missing_from("rooms", ("rooms.far",))
-    for name, found in (
-        ("comtask", ["'CoMTask'"]),
-        ("Retarget", ["'rooms.far.retarget'"]),
-        ("walk", ["'Walk'"]),  # the module's own, not that of the other
-        ("stande", ["'stand'"]),
-        ("Pos", ["'rooms.far.PoseTask'"]),
-        ("zzzz", []),
-        ("_stand", []),
-    ):
-        with pytest.raises(AttributeError) as error:
-            missing(name)
-        said = str(error.value)
-        assert said.startswith("module 'rooms' has no attribute") and error.value.name == name
-        assert all(each in said for each in found) and said.count("'") == 4 + 2 * len(found), said
-    with pytest.raises(AttributeError, match="comtask"):
-        missing_from("rooms")("comtask")
 
 
 def test_a_line_of_a_table_is_a_row_and_one_cell_fills_it() -> None:

@@ -10,7 +10,7 @@ import difflib
 import importlib
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -114,40 +114,15 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     raise UnknownNameError(f"no {kind} '{given}'; {hint}")
 
 
-def missing_from(module: str, rooms: Sequence[str] = ()) -> Callable[[str], NoReturn]:
-    """Return the `__getattr__` of a module: an `AttributeError` that names what is meant.
-
-        if not TYPE_CHECKING:
-            __getattr__ = missing_from(__name__)
-
-    Args:
-        module: Name of the module; its public names are those of `__all__`.
-        rooms: Other modules whose public names are looked through, too; they are imported for it.
-    """
-
-    def missing(name: str) -> NoReturn:
-        said = f"module '{module}' has no attribute '{name}'"
-        if name.startswith("_"):
-            raise AttributeError(said, name=name)
-        if name in IN_PLACE_OF:
-            raise AttributeError(f"{said}; in its place: {IN_PLACE_OF[name]}", name=name)
-        own = [str(each) for each in sys.modules[module].__all__]
-        others = {
-            str(each): room
-            for room in rooms
-            for each in importlib.import_module(room).__all__
-            if each not in own
-        }
-        folded = {each.casefold(): each for each in (*others, *own)}
-        same = folded.get(name.casefold())
-        found = [same] if same else []
-        found = found or difflib.get_close_matches(name, [*own, *others], n=3, cutoff=0.6)
-        found = found or [each for each in (*own, *others) if each.casefold().startswith(name.casefold())][:3]
-        near = [f"'{others[each]}.{each}'" if each in others else f"'{each}'" for each in found]
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise AttributeError(said + hint, name=name)
-
-    return missing
+def missing_from(module: str, name: str, rooms: Iterable[str]) -> NoReturn:
+    """Raise the `AttributeError` of a package for a name, with what is meant in it or in one of its rooms."""
+    said = f"module '{module}' has no attribute '{name}'"
+    if name in IN_PLACE_OF:
+        raise AttributeError(f"{said}; in its place: {IN_PLACE_OF[name]}", name=name)
+    paths = {each: f"{room}.{each}" for room in rooms for each in importlib.import_module(room).__all__}
+    paths |= {each: each for each in sys.modules[module].__all__}
+    near = [f"'{paths[each]}'" for each in difflib.get_close_matches(name, paths, n=3, cutoff=0.6)]
+    raise AttributeError(said + (f"; did you mean {' or '.join(near)}?" if near else ""), name=name)
 
 
 def choose(kind: str, name: str, choices: Iterable[str]) -> str:

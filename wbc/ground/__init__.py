@@ -4,14 +4,8 @@ Convert a new kind of input to a `PointCloud` or an `ElevationMap`. A new questi
 `Footprint`.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.ground.cloud import ElevationMap, PointCloud
 from wbc.ground.height_map import HeightMap
 from wbc.ground.known import KnownGround
 
 __all__ = ["ElevationMap", "HeightMap", "KnownGround", "PointCloud"]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

@@ -3,9 +3,6 @@
 A driver for a new wire is a class derived from `Driver` with its three methods, in a module of its own.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.machine.conformance import conformance
 from wbc.machine.loop import Driver, DriverLoop
 from wbc.machine.phases import RunSettings
@@ -30,6 +27,3 @@ __all__ = [
     # Check of a loop
     "conformance",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

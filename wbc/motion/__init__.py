@@ -1,8 +1,5 @@
 """Motions: clips of robots and of people, read from the field's formats, retargeted, made feasible, and tracked."""
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.motion.clip import MotionClip
 from wbc.motion.feasible import make_feasible
 from wbc.motion.files import read_motion, read_skeleton, write_motion
@@ -27,6 +24,3 @@ __all__ = [
     "MotionSource",
     "tracking_settings",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

@@ -6,9 +6,6 @@ A new term of an observation goes into `wbc.policy.terms`, another way in which 
 `wbc.policy.description`.
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.policy.contacts import FootContacts
 from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription, Term
@@ -32,6 +29,3 @@ __all__ = [
     "Term",
     "Tracked",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)

@@ -13,9 +13,6 @@ steps       drives, source of references and tasks by the mode of the control
 body, hands, load    what else is asked of the robot: set-points of the body, hands, the load that they hold
 """
 
-from typing import TYPE_CHECKING
-
-from wbc.base.errors import missing_from
 from wbc.core.drive.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import GaitPhase
@@ -60,6 +57,3 @@ __all__ = [
     # Hands that press and grip
     "HandSettings",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)
