@@ -24,7 +24,7 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
 @pytest.mark.parametrize(
     ("module", "name", "said"),
     [
-        ("wbc", "ComTask", "did you mean 'CoMTask'?"),
+        ("wbc", "ComTask", "did you mean 'CoMTask'"),
         ("wbc", "FrameTask", "in its place: PoseTask, PositionTask or OrientationTask"),
         ("wbc", "solve_ik", "in its place: InverseKinematics"),
         ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
