@@ -45,8 +45,8 @@ from wbc.walking.steps import ON_POINTS
 DOCS = Path(__file__).parent
 
 MADE = re.compile(
-    r"^<!-- (?P<what>(?:settings|fields|names) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?|index of settings"
-    r"|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
+    r"^<!-- (?P<what>(?:settings|fields|names) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?(?:: (?P<some>[\w, ]+))?"
+    r"|index of settings|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
@@ -81,7 +81,7 @@ def _made(match: re.Match[str], page: str) -> str:
     elif match["kind"] is None:
         rows = TABLES[match["what"]]()
     elif match["what"].startswith("names"):
-        rows = name_rows(match["kind"])
+        rows = name_rows(match["kind"], match["some"], page)
     elif match["what"].startswith("fields"):
         rows = field_rows(_kind(match["kind"]))
     else:
@@ -186,13 +186,21 @@ def field_rows(kind: type) -> Iterator[str]:
         yield f"| `{field.name}` | {text} | {range_of(hint)} | {escaped(about[field.name])} |"
 
 
-def name_rows(package: str) -> Iterator[str]:
-    """Public classes and functions of a package with the first line of their docstrings."""
+def name_rows(package: str, some: str | None, page: str) -> Iterator[str]:
+    """Public classes and functions of a package, or some of them, with the first line of their docstrings.
+
+    A page whose tables have some of them has all of them.
+    """
     yield from ("| Name | What it is |", "|---|---|")
     module = import_module(package)
-    for name in module.__all__:
-        if callable(found := getattr(module, name)):
-            yield f"| `{package}.{name}` | {escaped((inspect.getdoc(found) or '').partition(chr(10))[0])} |"
+    every = [name for name in module.__all__ if callable(getattr(module, name))]
+    if some is not None:
+        told = [m["some"].split(", ") for m in MADE.finditer(page) if m["kind"] == package]
+        left = {*every}.symmetric_difference(itertools.chain(*told))
+        assert not left, f"{package}: {', '.join(sorted(left))} in no table, or unknown"
+    for name in every if some is None else some.split(", "):
+        about = (inspect.getdoc(getattr(module, name)) or "").partition("\n")[0]
+        yield f"| `{package}.{name}` | {escaped(about)} |"
 
 
 def term_rows() -> Iterator[str]:
