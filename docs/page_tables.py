@@ -55,16 +55,19 @@ UNITS = {"1/ω": "s", "ω": "rad/s", "h": "m", "leg": "m", "hω": "m/s", "g": "m
 """Units of a robot in settings of free steps → units of their values in SI."""
 
 CALLS = {
-    "FailurePolicy": ", then `wbc.TorqueControl(controller, failure_policy=FailurePolicy(stop_after=0.2))`",
-    "OutsideSettings": ", then `wbc.Observer(robot, ObserverSettings(outside=OutsideSettings(tare=0.0)))`",
-    "LoadSettings": ", then `WalkingControlSettings(load=LoadSettings(largest=0.3))`",
-    "StiffnessActuator": ", then `VariableStiffnessFoot(actuator=StiffnessActuator(rate_limit=20.0))`",
-    "RunSettings": ", then `wbc.run(driver, control, settings=RunSettings(fade=2.0))`",
+    "FailurePolicy": "wbc.TorqueControl(controller, failure_policy=FailurePolicy(stop_after=0.2))",
+    "OutsideSettings": "wbc.Observer(robot, ObserverSettings(outside=OutsideSettings(tare=0.0)))",
+    "LoadSettings": "WalkingControlSettings(load=LoadSettings(largest=0.3))",
+    "StiffnessActuator": "VariableStiffnessFoot(actuator=StiffnessActuator(rate_limit=20.0))",
+    "RunSettings": "wbc.run(driver, control, settings=RunSettings(fade=2.0))",
 }
-"""Class of settings that no walk has by default → words behind its import: a call that takes its settings."""
+"""Class of settings that no walk has by default → a call that takes its settings."""
 
 EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 """Options of every command, which the page names once."""
+
+MANY = 6
+"""Number of options that a command has in common with an earlier one from which on they are told there."""
 
 LONG_MEANING = 200
 """Length of a meaning, characters, from which on a later command links to the first one that has it."""
@@ -129,7 +132,7 @@ def settings_rows(kind: type, path: str) -> Iterator[str]:
             of_g1 = owner == SteppingSettings.__name__
             yield from (
                 f"\n### {owner}\n",
-                f"`{_import_of(each.module, owner)}`{CALLS.get(owner, '')}\n",
+                *([f"Used as `{CALLS[owner]}`.\n"] if owner in CALLS else ()),
                 f"| Setting | Default |{of_g1 * ' For `g1` |'} Range | Meaning |",
                 f"|---|---|{of_g1 * '---|'}---|---|",
             )
@@ -138,16 +141,16 @@ def settings_rows(kind: type, path: str) -> Iterator[str]:
         yield f"| `{each.name}` | {each.default} |{si} {range_of(hint)} | {escaped(each.about)} |"
 
 
-def _import_of(module: str, name: str) -> str:
-    """Return the import of a class from the highest of the packages above its module that have it."""
+def _package_of(module: str, name: str) -> str:
+    """Return the highest of a module and the packages above it that have a class."""
     parts = module.split(".")
     packages = [".".join(parts[:cut]) for cut in range(1, len(parts) + 1)]
-    return f"from {next(each for each in packages if hasattr(import_module(each), name))} import {name}"
+    return next(each for each in packages if hasattr(import_module(each), name))
 
 
 def index_rows(page: str) -> Iterator[str]:
-    """The tables of settings of a page, each with the names in it and with what its class is."""
-    yield from ("| Names | Table | What is set |", "|---|---|---|")
+    """The tables of settings of a page, each with the names in it, and its class with what that is and its module."""
+    yield from ("| Names | Class, with its table | What is set | Import from |", "|---|---|---|---|")
     for match in MADE.finditer(page):
         if match["what"].startswith("settings"):
             for owner, rows in itertools.groupby(
@@ -159,7 +162,8 @@ def index_rows(page: str) -> Iterator[str]:
                 if owner == WalkTrialSettings.__name__:
                     names = ", ".join(f"`{each.name}`" for each in (first, *others))
                 about = (inspect.getdoc(_kind(f"{first.module}.{owner}")) or "").partition("\n")[0]
-                yield f"| {names} | [{owner}](#{owner.lower()}) | {escaped(about)} |"
+                package = _package_of(first.module, owner)
+                yield f"| {names} | [{owner}](#{owner.lower()}) | {escaped(about)} | `{package}` |"
 
 
 def gait_rows() -> Iterator[str]:
@@ -275,22 +279,35 @@ def command_rows() -> Iterator[str]:
     wbc = make_app(None)
     yield from ("| Command | What it does |", "|---|---|")
     yield from (f"| [`wbc {words}`](#{anchor(words)}) | {escaped(summary(words))} |" for words in COMMANDS)
-    told: dict[str, str] = {}
+    told: dict[tuple[str, ...], str] = {}
     for words in COMMANDS:
         app = functools.reduce(operator.getitem, words.split(), wbc)
         options = [each for each in app.assemble_argument_collection() if each.name not in EVERYWHERE]
         yield from (f"\n## `wbc {words}`\n", escaped(app.help), "")
-        if options:
+        rows = [option_row(each) for each in options]
+        firsts = [told.setdefault(row, words) for row in rows]
+        # Options that an earlier command has are told there, where they are many.
+        elsewhere = {other for other in firsts if other != words and firsts.count(other) >= MANY}
+        if own := [row for row, first in zip(rows, firsts, strict=True) if first not in elsewhere]:
             yield from ("| Option | Default | Meaning |", "|---|---|---|")
-        for each in options:
-            names = ", ".join(f"`{other}`" for other in each.names)
-            text, _, default = (each.parameter.help or "").partition(" [default: ")
-            default = default.rstrip("]") or _shown(each)
-            if choices := each.get_choices():
-                text += f" Choices: {', '.join(choices)}."
-            if len(text) > LONG_MEANING and (first := told.setdefault(text, words)) != words:
-                text = f"See [`wbc {first}`](#{anchor(first)})."
-            yield f"| {names} | {default} | {escaped(text)} |"
+        for names, default, text in own:
+            long = len(text) > LONG_MEANING and (first := told[names, default, text]) != words
+            yield f"| {names} | {default} | {f'See [`wbc {first}`](#{anchor(first)}).' if long else text} |"
+        for other in dict.fromkeys(first for first in firsts if first in elsewhere):
+            names = ", ".join(row[0] for row, first in zip(rows, firsts, strict=True) if first == other)
+            yield from ("", f"As in [`wbc {other}`](#{anchor(other)}): {names}.")
+
+
+def option_row(option: Any) -> tuple[str, str, str]:
+    """Return names, default and meaning of an option of a command."""
+    text, _, default = (option.parameter.help or "").partition(" [default: ")
+    if choices := option.get_choices():
+        text += f" Choices: {', '.join(choices)}."
+    return (
+        ", ".join(f"`{name}`" for name in option.names),
+        default.rstrip("]") or _shown(option),
+        escaped(text),
+    )
 
 
 def anchor(words: str) -> str:
