@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from at_rest import at_rest
+from at_rest import at_rest, observed
 
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor
@@ -29,15 +28,6 @@ NAMES = Plausibility(ROBOT, DT).names
 STILL = (0.0, 0.0, 0.0)
 
 
-def observed(**parts: Any) -> Any:
-    """Return the estimate of a robot that stands upright, with some parts replaced."""
-    inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
-    still: dict[str, Any] = {"share": np.array([0.4, 0.6]), "inertial": inertial}
-    still["foot_velocities"] = still["foot_rotations"] = [STILL] * 2
-    still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
-    return SimpleNamespace(**(still | parts))
-
-
 def doubted(after: Any, ticks: int = 200, **seen: Any) -> list[tuple[float, str]]:
     """Times since a change and what is doubted then, after 0.5 s of rest; `after` changes a measurement."""
     monitor, rng, found = ConsistencyMonitor(ROBOT, DT, NAMES), np.random.default_rng(0), []
@@ -46,7 +36,7 @@ def doubted(after: Any, ticks: int = 200, **seen: Any) -> list[tuple[float, str]
         if tick >= 0:
             measurement = after(measurement)
         values = 1e-3 * rng.normal(size=len(NAMES))
-        monitor.update(values, measurement, observed(**(seen if tick >= 0 else {})))
+        monitor.update(values, measurement, observed(ROBOT, **(seen if tick >= 0 else {})))
         found += [(tick * DT, doubt) for doubt in monitor.doubts]
     return found
 
@@ -59,7 +49,9 @@ def test_a_foot_that_slips_is_named_until_a_while_after(lasts: float, *, told: b
     for tick in range(100):
         slips = 0 <= tick * DT < lasts
         monitor.update(
-            1e-3 * rng.normal(size=len(NAMES)), at_rest(ROBOT, tick * DT), observed(slides=[False, slips])
+            1e-3 * rng.normal(size=len(NAMES)),
+            at_rest(ROBOT, tick * DT),
+            observed(ROBOT, slides=[False, slips]),
         )
         found += [tick * DT for doubt in monitor.doubts if doubt == f"{ROBOT.soles[1].name} slips"]
     assert bool(found) == told
@@ -119,7 +111,9 @@ def test_wrenches_that_were_measured_and_are_estimated_now_are_named() -> None:
     monitor = ConsistencyMonitor(ROBOT, DT, NAMES)
     for tick in range(40):
         measurement = replace(at_rest(ROBOT, tick * DT), wrench_source="model")
-        monitor.update(1e-3 * np.random.default_rng(tick).normal(size=len(NAMES)), measurement, observed())
+        monitor.update(
+            1e-3 * np.random.default_rng(tick).normal(size=len(NAMES)), measurement, observed(ROBOT)
+        )
     assert monitor.doubts == (), "a robot that never had sensors"
 
 
@@ -133,7 +127,7 @@ def test_readings_that_stay_the_same_for_twenty_ticks_are_frozen_and_six_are_nam
             held = values.copy()
         if tick >= 100:
             values[na : na + count] = held[na : na + count]
-        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed(ROBOT))
         if tick < 119:
             assert monitor.doubts == ()
         if tick == 119:
@@ -378,13 +372,13 @@ def test_a_stand_tells_the_bias_about_the_vertical_as_the_mean_over_its_time() -
             drift = inertial.turned / DT
             inertial.gyro_bias[:] = 0.0
             before = inertial._rested
-            inertial.rest()
+            inertial.learn_bias()
             assert inertial._rested == pytest.approx(min(before + DT, 5.0))
         assert drift == pytest.approx(rate, rel=1e-6)
         np.testing.assert_allclose(inertial._bias_at_rest, [0.0, 0.0, counted * DT / 5.0], rtol=1e-6)
     inertial.legs = None
     inertial._bias_at_rest[:] = 1.0
-    inertial.rest()
+    inertial.learn_bias()
     np.testing.assert_array_equal(inertial._bias_at_rest, 1.0)
 
 

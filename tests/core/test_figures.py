@@ -255,17 +255,19 @@ def test_feet_share_what_they_carry_beyond_the_least_load(name: str) -> None:
     observer, least = Observer(robot, settings), settings.min_load * robot.force_scale
     observer.update(felt(robot, 0.0, normal(least + 90.0), normal(least + 30.0)))
     assert observer.load == pytest.approx([least + 90.0, least + 30.0])
-    assert observer.share == pytest.approx([0.75, 0.25]) == list(observer.load_shares)
-    assert observer.least_share == pytest.approx(0.25) and not observer.in_flight
+    assert observer.rest.shares == pytest.approx([0.75, 0.25]) == observer.load_shares
+    assert min(observer.rest.shares) == pytest.approx(0.25) and any(observer.rest.shares)
     observer.update(felt(robot, 0.01, normal(least + 10.0), normal(-500.0)))
     left = math.exp(-0.01 / 0.02)
     loads = [least + 10.0 + 80.0 * left, (least + 30.0) * left]
     assert observer.load == pytest.approx(loads)
     parts = [max(load - least, 0.0) for load in loads]
-    assert observer.share == pytest.approx([part / sum(parts) for part in parts])
+    assert observer.rest.shares == pytest.approx([part / sum(parts) for part in parts])
     for tick in range(2, 60):
         observer.update(felt(robot, 0.01 * tick, normal(0.99 * least), normal(0.0)))
-    assert observer.in_flight and not observer.share.any() and observer.least_share == 0.0
+    assert (
+        not any(observer.rest.shares) and not any(observer.rest.shares) and min(observer.rest.shares) == 0.0
+    )
 
 
 def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:

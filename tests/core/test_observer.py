@@ -165,12 +165,12 @@ def test_net_wrench_is_the_weight_and_flight_is_noticed() -> None:
     observer = Observer(robot)
     estimate = observer.update(sensors[0])
     np.testing.assert_allclose(observer.net_wrench[2], robot.mass * GRAVITY, rtol=1e-6)
-    assert not observer.in_flight and observer.share.sum() == pytest.approx(1.0)
+    assert any(observer.rest.shares) and sum(observer.rest.shares) == pytest.approx(1.0)
     height = estimate.q[2]
     falling = replace(sensors[0], sole_wrench=np.zeros((2, 6)), specific_force=np.zeros(3))
     for k in range(1, 41):
         estimate = observer.update(replace(falling, time=sensors[0].time + 0.005 * k))
-    assert observer.in_flight
+    assert not any(observer.rest.shares)
     # The load's low-pass and the velocity's drag cost a little of g t²/2 = 0.196 m.
     assert 0.10 < height - estimate.q[2] < 0.197
     observer.update(replace(sensors[0], time=sensors[0].time + 1.0))
@@ -382,7 +382,7 @@ def test_a_leg_that_is_hit_does_not_move_the_estimate_though_its_force_looks_lik
         q[7:] += rates * dt
         observer.update(Measurement(dt * tick, q[7:].copy(), rates, np.zeros(3), still, wrench))
         if tick > 60:
-            assert observer.lifts[0] and not observer.lifts[1]
+            assert observer.rest.lifts[0] and not observer.rest.lifts[1]
     np.testing.assert_allclose(observer.robot.q[:3], start, atol=0.02)
     assert np.linalg.norm(observer.robot.v[:3]) < 0.2
 
@@ -417,10 +417,10 @@ def test_feet_that_slip_do_not_take_the_estimate_along(left: float, right: float
         rates = np.linalg.pinv(np.vstack(jacobians)[:, 6:]) @ (speed * ways.reshape(-1))
         q[7:] += rates * dt
         observer.update(Measurement(time, q[7:].copy(), rates, np.zeros(3), still, wrench))
-        named += [time] if any(observer.slides) else []
+        named += [time] if any(observer.rest.slides) else []
     assert slid > 0.18 and 0.25 < named[0] < 0.35 and named[-1] < 0.95
     assert np.linalg.norm(observer.robot.q[:3] - start) < 0.2 * slid
-    assert observer.share.sum() == pytest.approx(1.0) and not any(observer.slides)
+    assert sum(observer.rest.shares) == pytest.approx(1.0) and not any(observer.rest.slides)
 
 
 def test_feet_that_rest_beside_each_other_do_not_slip_though_the_accelerometer_errs() -> None:
@@ -435,7 +435,7 @@ def test_feet_that_rest_beside_each_other_do_not_slip_though_the_accelerometer_e
         force = [6.0 if 100 <= tick < 125 else 0.0, 0.0, GRAVITY]
         still = np.zeros(robot.na)
         observer.update(Measurement(dt * tick, q[7:], still, np.zeros(3), np.array(turned @ force), wrench))
-        assert not any(observer.slides)
+        assert not any(observer.rest.slides)
     assert np.linalg.norm(observer.robot.v[:3]) < 0.02
 
 

@@ -9,28 +9,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from at_rest import at_rest
+from at_rest import at_rest, observed
 
 from wbc import TorqueControl, balance_controller
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.frozen import FROZEN_AFTER
 from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant
 
 ROBOT, DT = load("hrp4_class").robot(), 0.005
 WEIGHT = ROBOT.mass * GRAVITY
-
-
-def observed(**parts: Any) -> Any:
-    """Return the estimate of a robot that stands upright, with some parts replaced."""
-    inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
-    still = {"share": np.array([0.4, 0.6]), "inertial": inertial}
-    still["foot_velocities"] = still["foot_rotations"] = [(0.0, 0.0, 0.0)] * 2
-    still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
-    return SimpleNamespace(**(still | parts))
 
 
 def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
@@ -204,7 +196,10 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
         inertial = SimpleNamespace(rotation=turn, legs=(0.0, 0.0))
         robot = SimpleNamespace(mass=50.0)
         observer = SimpleNamespace(
-            inertial=inertial, robot=robot, least_share=min(share, 1.0 - share), net_wrench=np.zeros(6)
+            inertial=inertial,
+            robot=robot,
+            rest=FeetAtRest([share, 1.0 - share], [], []),
+            net_wrench=np.zeros(6),
         )
         check, found = AccelerometerCheck(DT), []
         for tick in range(-120, 20):
@@ -233,7 +228,7 @@ def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(la
     observer = SimpleNamespace(
         inertial=inertial,
         robot=SimpleNamespace(mass=50.0),
-        least_share=0.5,
+        rest=FeetAtRest([0.5, 0.5], [], []),
         net_wrench=np.zeros(6),
     )
     check = AccelerometerCheck(DT)
@@ -250,7 +245,7 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
     """A walk over boards turns about the edges under both soles."""
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    seen, told = observed(foot_rotations=2 * [(0.0, 0.6, 0.8)]), []
+    seen, told = observed(ROBOT, foot_rotations=2 * [(0.0, 0.6, 0.8)]), []
     for tick in range(400):
         wrench = np.zeros((2, 6))
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
@@ -274,7 +269,7 @@ def drifting(drift: Any, joints: Any = 5, scale: float = 1.0, motion: float = 0.
         values[:na] += motion * np.sin(angle)
         values[joints] += drift(time)
         values[na : 2 * na] += scale * motion * 2.0 * np.pi * np.cos(angle)
-        monitor.update(values, at_rest(ROBOT, time), observed())
+        monitor.update(values, at_rest(ROBOT, time), observed(ROBOT))
         found += [(time, doubt) for doubt in monitor.doubts]
     return found
 
@@ -327,7 +322,7 @@ def test_a_trunk_that_does_not_follow_is_doubted_unless_it_turns_on_feet_that_sl
     """With T = 0.3 s, a velocity a T (1 − e^(−t/T)) is missing; 0.2 s after it has passed the bound it is told."""
     names = Plausibility(ROBOT, DT).names
     monitor, rng, first = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0), np.inf
-    commanded, seen = np.zeros(ROBOT.nv), observed(robot=SimpleNamespace(v=np.zeros(ROBOT.nv)))
+    commanded, seen = np.zeros(ROBOT.nv), observed(ROBOT, robot=SimpleNamespace(v=np.zeros(ROBOT.nv)))
     commanded[axis] = acceleration
     for tick in range(300):
         values = 1e-3 * rng.normal(size=len(names))
@@ -360,7 +355,7 @@ def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_
         if tick > 2 * FROZEN_AFTER:
             values[-12:] = 0.0  # in the air but for
             values[-10] = 300.0  # a frozen force on the left sole
-        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed(ROBOT))
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]
 
 
@@ -380,14 +375,14 @@ def test_rounded_readings_that_come_to_rest_and_joints_that_stick_are_not_frozen
             values[:na], values[na : 2 * na] = (
                 (0.0, 0.0) if tick > 300 else (values[:na], values[na : 2 * na])
             )
-        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed(ROBOT))
         told += monitor.doubts
     assert not told
     for tick in range(600, 900):
         values = 1e-3 * rng.normal(size=len(names))
         if tick > 800:
             values[[3, na + 5]] = 0.01
-        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed(ROBOT))
     joints = ROBOT.joint_names
     assert monitor.doubts == (f"encoder of {joints[3]} frozen", f"velocity of {joints[5]} frozen")
 
@@ -404,7 +399,7 @@ def test_a_contradiction_that_begins_with_a_push_is_none() -> None:
             if pushed and 97 <= tick < 115:
                 aside = measurement.specific_force + np.array([0.0, 12.0, 0.0])
                 measurement = replace(measurement, specific_force=aside)
-            monitor.update(1e-3 * rng.normal(size=len(names)), measurement, observed())
+            monitor.update(1e-3 * rng.normal(size=len(names)), measurement, observed(ROBOT))
             told += [measurement.time] * any("too low" in doubt for doubt in monitor.doubts)
         first = told[0] if told else None
         assert first is not None and (first < 100 * DT + 0.2) is not pushed
@@ -424,6 +419,7 @@ def told(shares: Any, feet: Any, shown: Any = None, rotations: Any = None) -> li
         wrench = np.zeros((2, 6))
         wrench[:, 2] = np.array(shares(time) if time >= 0.0 else (0.5, 0.5)) * ROBOT.mass * GRAVITY
         seen = observed(
+            ROBOT,
             load_shares=shares(time) if time >= 0.0 else (0.5, 0.5),
             foot_velocities=feet(time) if time >= 0.0 else [(0.0, 0.0, 0.0)] * 2,
             foot_rotations=rotations(time) if rotations and time >= 0.0 else [(0.0, 0.0, 0.0)] * 2,
@@ -512,7 +508,7 @@ def test_a_foot_that_slaps_down_is_no_fault_of_the_gyroscope(slap: float, doubte
     for tick in range(-120, 60):
         rolls = 0.0 if tick < 0 else slap if tick < 10 else -0.6  # rad/s
         inertial = SimpleNamespace(rotation=up, unexplained=0.15j if tick == 12 else 0j)
-        seen = observed(foot_rotations=[(0.0, 0.0, 0.0), (rolls, 0.0, 0.0)], inertial=inertial)
+        seen = observed(ROBOT, foot_rotations=[(0.0, 0.0, 0.0), (rolls, 0.0, 0.0)], inertial=inertial)
         monitor.update(1e-3 * rng.normal(size=len(names)), at_rest(ROBOT, tick * DT), seen)
         found |= bool(monitor.doubts)
     assert found is doubted

@@ -112,7 +112,7 @@ def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_muc
     rates = [rate if 3500 <= k < 4500 else 0.0 for k in range(5000)]
     for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.004)):
         if k < 3500:
-            observer.inertial.rest()
+            observer.inertial.learn_bias()
         else:
             total += turned
     assert observer.robot.placement("base").rotation[1, 0] == pytest.approx(0.0, abs=0.02)  # with its feet
@@ -125,7 +125,7 @@ def test_feet_that_turn_for_a_moment_in_a_stand_hardly_move_the_bias() -> None:
     rates = [0.08 if 1600 <= k < 1800 else 0.0 for k in range(3800)]
     for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.0)):
         if k < 1800:
-            observer.inertial.rest()
+            observer.inertial.learn_bias()
         else:
             total += turned
     assert total == pytest.approx(0.0, abs=0.2 * 0.08 * 2000 * dt / 8.0)
@@ -138,7 +138,7 @@ def test_a_stand_after_feet_have_turned_leaves_the_bias_of_the_gyroscope(bias: f
     rates = [0.05 if 1600 <= k < 2400 else 0.0 for k in range(4600)]
     for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, bias)):
         if k < 1600 or 2400 <= k < 2600:
-            observer.inertial.rest()
+            observer.inertial.learn_bias()
         elif k >= 2600:
             total += turned
         if k == 2599:

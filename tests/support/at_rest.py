@@ -1,12 +1,15 @@
-"""Measurements of a robot at rest, made by hand."""
+"""Measurements and estimates of a robot at rest, made by hand."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 
@@ -20,3 +23,12 @@ def at_rest(robot: Robot, time: float, **changes: Any) -> Measurement:
     return replace(
         Measurement(time, robot.half_sitting[7:].copy(), still, np.zeros(3), up, wrench), **changes
     )
+
+
+def observed(robot: Robot, /, *, slides: Sequence[bool] = (False, False), **parts: Any) -> Any:
+    """Return the estimate of a robot that stands upright, with some parts replaced."""
+    inertial = SimpleNamespace(rotation=robot.placement(robot.imu_frame).rotation, unexplained=0j)
+    still: dict[str, Any] = {"inertial": inertial, "load_shares": [0.5, 0.5]}
+    still["foot_velocities"] = still["foot_rotations"] = [(0.0, 0.0, 0.0)] * 2
+    still["rest"] = FeetAtRest([0.4, 0.6], [False, False], list(slides))
+    return SimpleNamespace(**(still | parts))

@@ -240,7 +240,7 @@ class WalkingControl(SteeredControl):
         reference = self.source.update(state)
         progress = reference.progress
         if progress.phase is GaitPhase.STANDING:
-            self.drives.observer.inertial.rest()
+            self.drives.observer.inertial.learn_bias()
         if body.active:
             body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))

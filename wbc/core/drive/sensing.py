@@ -118,7 +118,9 @@ class Sensing:
         measurement = self.accelerometer.check(measurement, observer)
         observer.update(measurement, soles, plausible=True)
         if blind:
-            measurement = self._estimator().observe(measurement, *observer.measured_state, observer.lifts)
+            measurement = self._estimator().observe(
+                measurement, *observer.measured_state, observer.rest.lifts
+            )
         if self.monitor is not None:
             asked = self._asked if follows else None
             self.monitor.update(self.plausibility.values, measurement, observer, asked)

@@ -135,7 +135,7 @@ class AccelerometerCheck:
         inertial, before = observer.inertial, self._legs
         self._legs = legs = inertial.legs
         passed, self._time = measurement.time - self._time, measurement.time
-        self._stands = self._stands + self._dt if observer.least_share > CARRIES else 0.0
+        self._stands = self._stands + self._dt if min(observer.rest.shares) > CARRIES else 0.0
         if before is None or legs is None or self._stands < STANDING:
             self._shown = self._moved = 0j
             self.left_out = False
@@ -245,8 +245,8 @@ class ConsistencyMonitor:
                 doubts.append("force sensors swapped between the feet")
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
-        doubts += self._slipping(observer.slides)
-        shares = observer.share.tolist()
+        doubts += self._slipping(observer.rest.slides)
+        shares = observer.rest.shares
         carries = [turn for turn, share in zip(rotations, shares, strict=True) if share >= 0.5]
         stance = carries[-1] if carries else STILL
         if self._gyroscope_contradicts(stance, observer.inertial.unexplained, blind):

@@ -109,7 +109,7 @@ class InertialFilter:
         """Take back what a foot that slips has added to the horizontal velocity."""
         self.velocity[:2] = self.steady.real, self.steady.imag
 
-    def rest(self) -> None:
+    def learn_bias(self) -> None:
         """Learn the gyro bias in a tick of a stand, after `correct`: a robot that stands does not turn.
 
         About the vertical it is what the feet seem to turn by, the mean over the stands of the last
@@ -149,31 +149,28 @@ class InertialFilter:
         self.velocity[2] -= dt * GRAVITY
         self.rotation = middle.dot(half)
 
-    def correct(self, velocity: Array | None, yaw_error: float, dt: float) -> None:
+    def correct(self, legs: Vector | None, yaw_error: float, dt: float) -> None:
         """Correct the state with velocity and yaw from the legs, `dt` seconds after the last call.
 
-        The velocity is that of the IMU point in the world, shape (3,), m/s, None in flight; the error is the yaw of the
-        IMU from the feet minus that of the filter, rad.
+        The velocity is that of the IMU point in the world, m/s, None in flight; the error is the yaw of the IMU from
+        the feet minus that of the filter, rad.
         """
-        s = self.settings
-        if velocity is None:
+        s, self.legs = self.settings, legs
+        if legs is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
-            self.unexplained, self._left, self.legs = 0j, None, None
+            self.unexplained, self._left = 0j, None
             self.turned, self._yaw_left = self._yaw_left, 0.0
             return
-        self.legs = tuple(velocity.tolist())
-        innovation = velocity - self.velocity
-        x, y, _ = innovation.tolist()
-        found = complex(x, y)
+        (x, y, z), (u, v, w) = legs, self.velocity.tolist()
+        found = complex(x - u, y - v)
         gain, yaw = lag_gain(dt, s.velocity_time_constant), lag_gain(dt, s.yaw_time_constant)
-        innovation *= gain
-        self.velocity += innovation
-        self.steady += lag_gain(dt, STEADY) * (complex(*self.legs[:2]) - self.steady)
+        self.velocity += np.array((gain * (x - u), gain * (y - v), gain * (z - w)))
+        self.steady += lag_gain(dt, STEADY) * (complex(x, y) - self.steady)
         self.unexplained = 0j if self._left is None else found - self._left
         self._left = found * (1.0 - gain)
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.
         tilt, slowly = gain / (GRAVITY * s.tilt_time_constant), 1.0 / s.bias_time_constant
-        roll, pitch, heading = -tilt * y, tilt * x, yaw * yaw_error
+        roll, pitch, heading = -tilt * found.imag, tilt * found.real, yaw * yaw_error
         drift = dt * float(self.rotation[2].dot(self.gyro_bias - self._bias_at_rest))
         self.turned = drift - (yaw_error - self._yaw_left)
         self._yaw_left = (1.0 - yaw) * yaw_error

@@ -26,11 +26,12 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
-from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
+from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import SLIDES, FootEstimate, yaw_of
+from wbc.core.estimation.foot import STILL, FootEstimate, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
+from wbc.core.estimation.rest import FeetAtRest, RestDetector
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.frames import net_wrench
@@ -40,16 +41,8 @@ from wbc.core.signals import SIGNALS, Measurement
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
 
-UNAIDED = 2.0
-"""Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
-
-DRIFTS = 0.3
-"""Growth of the speed from which a foot that carries slips with the time since a foot gave a reference, m/s²."""
-
-STRUCK = 0.03
-"""Time for which a foot that bears the robot must seem to sink into the ground until its velocity counts at once, s:
-the accelerometer's samples have missed an impact. A foot that lands on an edge seems to sink for 0.02 s.
-"""
+ORIGIN = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+"""Configuration of a base at the origin."""
 
 
 @settings
@@ -103,6 +96,8 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
+        rest: Feet that rest in this tick, the references of the estimate, and those that move.
+        load_shares: Shares of the load that the feet bear; also of a foot that moves.
         sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
@@ -130,31 +125,24 @@ class Observer:
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
-        self._feet = [FootEstimate(sole) for sole in robot.soles]
         self._imu = robot.frame_id(robot.imu_frame)
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
         self._v = np.zeros(robot.nv)
         delay = self.settings.delay
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
-        # Parts of q and v: of the base, and of the joints; then place and attitude of the base, and their rates.
-        own, rate = self._q, self._v
-        self._base, self._joints = (own[:7], rate[:6]), (own[7:], rate[6:])
-        self._pose, self._rates = (own[:3], own[3:7]), (rate[:3], rate[3:6])
+        # Views of base and joints, and of place and attitude of the base and their rates: quicker than slices.
+        self._parts = self._q[:7], self._q[7:], self._v[:6], self._v[6:]
+        self._base = self._q[:3], self._q[3:7], self._v[:3], self._v[3:6]
         self._frames = self._imu, *self._soles
         # Live views of Pinocchio's frames.
         imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
         self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
         self._sole_frames = [(sole.rotation, sole.translation) for sole in soles]
         self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
-        self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-        self._wrenches = np.zeros((n, 6))
         outside = self.settings.outside
         self.sinking = Sinking(robot.mass * GRAVITY)
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
-        # Velocity of the IMU in the world while the base does not move but turns, m/s.
-        self._imu_motion: Vector = (0.0, 0.0, 0.0)
-        self._struck = False
         self.reset(q)
 
     def observe_outside(self) -> OutsideWrench:
@@ -174,34 +162,6 @@ class Observer:
         return np.array([foot.load for foot in self._feet])
 
     @property
-    def share(self) -> Array:
-        """Share of the load on each foot, shape (number of soles,); the sum is 1, or 0 in flight."""
-        return np.array([foot.share for foot in self._feet])
-
-    @property
-    def load_shares(self) -> list[float]:
-        """Shares of the load that the feet bear; also of a foot that moves, which has no `share`."""
-        return [foot.load_share for foot in self._feet]
-
-    @property
-    def least_share(self) -> float:
-        """Share of the load on the foot that carries least, 0 to 0.5."""
-        return min(foot.share for foot in self._feet)
-
-    @property
-    def lifts(self) -> list[bool]:
-        """True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
-
-        A load on such a leg does not come from the ground.
-        """
-        return [foot.lifts for foot in self._feet]
-
-    @property
-    def slides(self) -> list[bool]:
-        """True for each foot that carries and slips along the ground, by gyroscope and accelerometer: no reference."""
-        return [foot.slides for foot in self._feet]
-
-    @property
     def foot_velocities(self) -> list[Vector]:
         """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, along the world axes, m/s."""
         (x, y, z), motions = self._imu_motion, [foot.motion for foot in self._feet]
@@ -215,12 +175,7 @@ class Observer:
     @property
     def net_wrench(self) -> Array:
         """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
-        return net_wrench(self._wrenches.tolist(), self._robot_soles)
-
-    @property
-    def in_flight(self) -> bool:
-        """True when no foot carries more than the minimum load."""
-        return not any(foot.share for foot in self._feet)
+        return net_wrench(self._wrenches, self._robot_soles)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart at rest from a configuration, shape (nq,), half-sitting when None; the gyroscope's bias is kept."""
@@ -235,12 +190,13 @@ class Observer:
             self._predictor.reset()
         if self.outside is not None:
             self.outside.reset()
-        self._slid = False
         self.sinking.reset()
-        self._unaided = 0.0  # time since a foot gave a reference, s
-        self._wrenches[:] = 0.0
-        for foot, sole in zip(self._feet, self._soles, strict=True):
-            foot.reset(robot.placement(sole))
+        self._wrenches = [[0.0] * 6] * len(robot.soles)
+        self._feet = [FootEstimate(sole, robot.placement(sole.frame)) for sole in robot.soles]
+        self._detector, self.rest = RestDetector(len(self._feet)), FeetAtRest.none(len(self._feet))
+        self.load_shares = [0.0] * len(self._feet)
+        # Velocity of the IMU in the world while the base does not move but turns, m/s.
+        self._imu_motion: Vector = STILL
 
     @property
     def measured_state(self) -> tuple[Array, Array]:
@@ -289,59 +245,61 @@ class Observer:
         dt = 0.0 if self._time is None else measurement.time - self._time
         self._time = measurement.time
 
-        # Kinematics with the base at rest at the origin.
-        model, data, q, v, inertial = self.robot.model, self._data, self._q, self._v, self.inertial
-        base_q, base_v = self._base
-        joints, joint_rates = self._joints
-        base_q[:], base_v[:] = self._origin, 0.0
-        joints[:], joint_rates[:] = measurement.joint_position, measurement.joint_velocity
-        pin.forwardKinematics(model, data, q, v)
-        for frame in self._frames:
-            pin.updateFramePlacement(model, data, frame)
-        imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
-
-        gyro = measurement.angular_velocity
+        inertial, gyro = self.inertial, measurement.angular_velocity
+        imu_rate = self._move_joints(measurement)
         inertial.predict(gyro, measurement.specific_force, dt)
         base = inertial.rotation.dot(self._imu_rotation_t)
         spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - base.dot(imu_rate.angular)
-
         turn, turning = base.tolist(), spin.tolist()
-        self._bear(measurement.wrenches.tolist(), turn, dt, first)
+        self._wrenches = wrenches = measurement.wrenches.tolist()
+        self.load_shares = shares = self._bear(wrenches, turn, dt, first)
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
-        self._imu_motion = add_cross(moving, turning, at_imu)
-        imu_arm = np.array(self._imu_motion)
-        expected = None if first else (inertial.velocity - imu_arm).tolist()
-        velocity, yaw_error = self._motion_from_anchors(turn, turning, expected, dt)
-        if velocity is not None:
-            velocity += imu_arm
-            if first or self._struck:
-                inertial.take(velocity)
-                self._struck = self._slid = False
-        elif any(foot.slides for foot in self._feet):
+        self._imu_motion = x, y, z = add_cross(moving, turning, at_imu)
+        model, data = self.robot.model, self._data
+        for foot, sole in zip(self._feet, self._soles, strict=True):
+            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), turn, turning)
+        u, v, w = inertial.velocity.tolist()
+        expected, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
+        slip = self.settings.slip + self.sinking.speed
+        self.rest = rest = self._detector.update(self._feet, shares, expected, steady, slip, dt)
+
+        legs, yaw_error = None, 0.0
+        if any(rest.shares):
+            (u, v, w), yaw_error = self._base_by_legs(rest.shares)
+            legs = u + x, v + y, w + z
+            if first or rest.struck:
+                inertial.take(np.array(legs))
+        elif any(rest.slides):
             inertial.return_to_steady()
-            self._slid = True
-        inertial.correct(velocity, yaw_error, dt)
-        if self._slid and velocity is not None:
+        inertial.correct(legs, yaw_error, dt)
+        if rest.sliding and legs is not None:
             inertial.take(inertial.velocity)
 
         base = inertial.rotation.dot(self._imu_rotation_t)
-        base_velocity = inertial.velocity - imu_arm
+        base_velocity = inertial.velocity - np.array(self._imu_motion)
         turn = base.tolist()
         self._update_position(turn, base_velocity, soles, dt)
-
-        (place, attitude), (linear, angular) = self._pose, self._rates
-        place[:] = self._position
-        attitude[:] = quaternion(turn)
+        place, attitude, linear, angular = self._base
+        place[:], attitude[:] = self._position, quaternion(turn)
         np.dot(base_velocity, base, out=linear)
         np.dot(spin, base, out=angular)
         if self._predictor is not None:
-            self._update_robot(*self._predictor.ahead(q, v))
+            self._update_robot(*self._predictor.ahead(self._q, self._v))
         else:
-            self._update_robot(q, v)
-        self._wrenches[:] = measurement.wrenches
+            self._update_robot(self._q, self._v)
         if self.outside is not None:
-            self.outside.update(self._wrenches, dt)
+            self.outside.update(measurement.wrenches, dt)
         return self.robot
+
+    def _move_joints(self, measurement: Measurement) -> pin.Motion:
+        """Move the joints under a base that rests at the origin; return the velocity of the IMU."""
+        model, data, (base, joints, base_rate, joint_rates) = self.robot.model, self._data, self._parts
+        base[:], base_rate[:] = ORIGIN, 0.0
+        joints[:], joint_rates[:] = measurement.joint_position, measurement.joint_velocity
+        pin.forwardKinematics(model, data, self._q, self._v)
+        for frame in self._frames:
+            pin.updateFramePlacement(model, data, frame)
+        return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
@@ -353,132 +311,82 @@ class Observer:
         if not math.isfinite(m.time) or (self._time is not None and m.time < self._time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
-    def _bear(self, wrenches: Sequence[Vector], base: Rotation, dt: float, first: bool) -> None:
-        """Take in the wrenches on the soles, in the first tick unfiltered; `base` is the rotation of the base."""
+    def _bear(self, wrenches: Sequence[Vector], base: Rotation, dt: float, first: bool) -> list[float]:
+        """Take in the wrenches on the soles, in the first tick unfiltered, and return the shares of the load.
+
+        `base` is the rotation of the base.
+        """
         s, least = self.settings, self._min_load
+        loads: list[float] = []
         gains = (1.0, 1.0)
         if not first:
             gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
-        total = 0.0
         for foot, wrench, (rotation, place) in zip(self._feet, wrenches, self._sole_frames, strict=True):
-            sole = rotation.tolist(), place.tolist()
-            foot.bear(wrench, base, sole, gains, least, self.sinking, dt)
-            total += foot.load_share
-        if total > 0.0:
-            for foot in self._feet:
-                foot.load_share /= total
+            foot.bear(wrench, base, (rotation.tolist(), place.tolist()), gains, least, self.sinking, dt)
+            loads.append(max(foot.load - least, 0.0))
+        total = sum(loads)
+        return [load / total for load in loads] if total > 0.0 else loads
 
-    def _motion_from_anchors(
-        self, base: Rotation, spin: Vector, expected: Sequence[float] | None, dt: float
-    ) -> tuple[Array | None, float]:
-        """Return what anchors at rest say of the base; update the motion of the feet and headings of feet that spin.
+    def _base_by_legs(self, shares: Sequence[float]) -> tuple[Vector, float]:
+        """Return the velocity of the base by the feet that rest, m/s, and the error of its yaw, rad.
 
-        That is the velocity of the base in the world, shape (3,), m/s (None in flight), and the error of its yaw, rad.
-        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `expected` is its velocity
-        by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
+        The velocity is in the world, of a base that does not turn. A foot that spins tells no yaw: its heading follows.
         """
-        feet, model, data = self._feet, self.robot.model, self._data
-        for foot, sole in zip(feet, self._soles, strict=True):
-            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
-        unaided = self._unaided + dt
-        if expected is not None:
-            self._find_moving(expected, unaided, dt)
-        total = 0.0
-        for foot in feet:
-            foot.share = 0.0 if foot.moves else foot.load_share
-            total += foot.share
-        if total == 0.0:
-            bearing = max(feet, key=lambda foot: foot.load_share)
-            if bearing.sunk < STRUCK:
-                self._unaided = unaided
-                return None, 0.0
-            bearing.rest()
-            self._struck, total = True, bearing.share
-        if not any(foot.quick and foot.share > 0.0 for foot in feet):
-            self._unaided, self._slid = 0.0, False  # feet and inertial unit agree again
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
-        for foot in feet:
-            foot.share = share = foot.share / total
+        for foot, share in zip(self._feet, shares, strict=True):
             if share == 0.0:
                 continue
             x, y, z = foot.motion
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
             if abs(foot.rotation[2]) > self.settings.spin:
-                foot.yaw = yaw_of(foot.ahead)
+                foot.turn()
             else:
-                yaw_error += share * _wrap(foot.yaw - yaw_of(foot.ahead))
-        return np.array((vx, vy, vz)), yaw_error
-
-    def _find_moving(self, expected: Sequence[float], unaided: float, dt: float) -> None:
-        """Find the feet that lift, slip, sink or move in another way against the velocity that the base is to have.
-
-        `unaided` is the time since a foot gave a reference, s; the others are as in `_motion_from_anchors`.
-        """
-        feet = self._feet
-        slip = self.settings.slip + self.sinking.speed
-        most = slip, slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
-        steady = self.inertial.steady - complex(*self._imu_motion[:2])
-        for foot in feet:
-            foot.judge(expected, steady, most, dt, sliding=self._slid)
-        if any(foot.slides for foot in feet):
-            if all(foot.carried for foot in feet) and _alike([foot.motion for foot in feet]):
-                for foot in feet:
-                    foot.slides = False
-            for foot in feet:
-                foot.moves |= foot.slides
+                yaw_error += share * wrapped(foot.yaw - foot.ahead)
+        return (vx, vy, vz), yaw_error
 
     def _update_position(
         self, base: Rotation, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
     ) -> None:
         """Update the base position from the anchors; anchors of feet with little load follow the base.
 
-        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; `base` is as in
-        `_motion_from_anchors`.
+        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; `base` is the
+        rotation of the base.
         """
-        s, feet = self.settings, self._feet
+        feet, shares = self._feet, self.rest.shares
         reach = turned_all(base, [foot.point for foot in feet])
         yaws = [yaw_of(axis) for axis in turned_all(base, [foot.axis for foot in feet])]
         self.sinking.update(
             [foot.load for foot in feet],
             [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
             dt,
-            carry=all(foot.load_share for foot in feet),
+            carry=all(self.load_shares),
         )
         if soles is not None:
-            if len(soles) != len(feet):
-                raise InputError(f"one sole placement for each of {len(feet)} soles, got {len(soles)}")
-            gain = lag_gain(dt, s.reference_time_constant)
-            for foot, reference in zip(feet, soles, strict=True):
-                if reference is None or foot.share == 0.0:
-                    continue
-                (x, y, z), (u, v, w) = reference.translation.tolist(), turned(base, foot.arm)
-                foot.anchor = part_way(foot.anchor, (x + u, y + v, z + w), gain)
-                yaw = yaw_of(reference.rotation[:, 0].tolist())
-                foot.yaw += gain * _wrap(yaw - foot.yaw)
-        if self.in_flight:
+            self._follow(soles, base, dt)
+        if any(shares):
+            x = y = z = 0.0
+            for share, foot, (u, v, w) in zip(shares, feet, reach, strict=True):
+                at_x, at_y, at_z = foot.anchor
+                x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
+        else:
             (x, y, z), (u, v, w) = self._position, base_velocity.tolist()
             x, y, z = x + dt * u, y + dt * v, z + dt * w
-        else:
-            x = y = z = 0.0
-            for foot, (u, v, w) in zip(feet, reach, strict=True):
-                share, (at_x, at_y, at_z) = foot.share, foot.anchor
-                x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
         self._position = (x, y, z)
         # Anchors whose distance changes settle; equal gains leave their common position and yaw unchanged.
-        common = sum(foot.share * _wrap(foot.yaw - yaw) for foot, yaw in zip(feet, yaws, strict=True))
-        slip = lag_gain(dt, s.slip_time_constant)
-        for foot, (u, v, w), yaw in zip(feet, reach, yaws, strict=True):
-            gain = 1.0 if foot.share == 0.0 else slip
-            foot.anchor = part_way(foot.anchor, (x + u, y + v, z + w), gain)
-            foot.yaw += gain * _wrap(yaw + common - foot.yaw)
+        common = sum(
+            share * wrapped(foot.yaw - yaw) for share, foot, yaw in zip(shares, feet, yaws, strict=True)
+        )
+        slip = lag_gain(dt, self.settings.slip_time_constant)
+        for share, foot, (u, v, w), yaw in zip(shares, feet, reach, yaws, strict=True):
+            foot.draw((x + u, y + v, z + w), yaw + common, 1.0 if share == 0.0 else slip)
 
-
-def _alike(motions: Sequence[Vector]) -> bool:
-    """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
-    (a, b, _), (c, d, _) = motions[0], motions[-1]
-    return len(motions) > 1 and math.hypot(a - c, b - d) < SLIDES
-
-
-def _wrap(angle: float) -> float:
-    return math.remainder(angle, math.tau)
+    def _follow(self, soles: Sequence[pin.SE3 | None], base: Rotation, dt: float) -> None:
+        """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
+        if len(soles) != len(self._feet):
+            raise InputError(f"one sole placement for each of {len(self._feet)} soles, got {len(soles)}")
+        gain = lag_gain(dt, self.settings.reference_time_constant)
+        for share, foot, sole in zip(self.rest.shares, self._feet, soles, strict=True):
+            if sole is not None and share != 0.0:
+                (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, foot.arm)
+                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)

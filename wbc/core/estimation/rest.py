@@ -1,0 +1,140 @@
+"""Feet that rest on the ground, the references of the estimate: those that bear load and neither slip, lift nor sink.
+
+The inertial measurement unit says how fast the base moves, the legs say how fast each foot moves against it. A foot
+that moves faster than feet that stand is no reference. While there is none, the inertial velocity drifts, so that more
+speed counts as rest the longer this lasts. A foot that slips slowly is found by the *steady* inertial velocity, which a
+foot that begins to slip has not yet pulled along.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from wbc.base.vectors import Vector
+from wbc.core.estimation.foot import FootEstimate
+
+UNAIDED = 2.0
+"""Error of the inertial velocity that may have come up while no foot rested, over the time, m/s²."""
+
+SLIDES = 0.12
+"""Speed against the steady velocity of the inertial unit from which a foot that carries slips, m/s. In walks over
+stones of 30 mm a foot that rests has 0.08 m/s at most."""
+
+DRIFTS = 0.3
+"""Growth of this speed with the time since a foot has rested, m/s²."""
+
+TURNS = 0.5
+"""Its growth with the speed at which a foot seems to turn over, m: a gyroscope that is wrong moves a foot, too, and
+turns it."""
+
+CARRIES, SETTLED = 0.2, 0.03
+"""Share of the load of a foot that carries, and time for which it must have carried before it can slip, s: the legs
+jerk at a landing. It counts at once while no foot rests, since the ground is the same."""
+
+STRUCK = 0.03
+"""Time for which a foot that bears the robot must seem to sink into the ground until its velocity counts at once, s:
+the accelerometer's samples have missed an impact. A foot that lands on an edge seems to sink for 0.02 s."""
+
+
+class FeetAtRest(NamedTuple):
+    """Feet that rest in one tick, and those that move.
+
+    Attributes:
+        shares: Share of each foot in the estimate, that of its load; the sum is 1, or 0 while no foot rests.
+        lifts: True for each foot that moves up or down faster than feet that stand, by gyroscope and accelerometer.
+            A load on such a leg does not come from the ground.
+        slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer.
+        struck: True if the foot that bears the robot is taken for one at rest, whatever the inertial velocity says.
+        sliding: True from the tick in which no foot rests, as one slips, until feet and inertial unit agree again.
+    """
+
+    shares: list[float]
+    lifts: list[bool]
+    slides: list[bool]
+    struck: bool = False
+    sliding: bool = False
+
+    @staticmethod
+    def none(feet: int) -> FeetAtRest:
+        """Return the record of a number of feet of which none rests, and none moves."""
+        return FeetAtRest([0.0] * feet, [False] * feet, [False] * feet)
+
+
+class RestDetector:
+    """Detector of the feet that rest."""
+
+    def __init__(self, feet: int) -> None:
+        """Begin with a number of feet that have carried nothing."""
+        self._carried = [0.0] * feet  # time for which each foot has carried, s
+        self._sunk = [0.0] * feet  # time for which it has seemed to sink into the ground under a load, s
+        self._unaided = 0.0  # time since a foot has rested, s
+        self._sliding = False
+
+    def update(
+        self,
+        feet: Sequence[FootEstimate],
+        loads: Sequence[float],
+        velocity: Vector | None,
+        steady: complex,
+        slip: float,
+        dt: float,
+    ) -> FeetAtRest:
+        """Find the feet that rest in one tick.
+
+        Args:
+            feet: Feet that have taken in their motion.
+            loads: Share of the load that each of them bears.
+            velocity: Inertial velocity of the base in the world, m/s; None in the first tick, in which all feet rest.
+            steady: Its steady horizontal part, x + iy, m/s.
+            slip: Greatest speed of a foot that stands, m/s.
+            dt: Time since the last tick, s.
+        """
+        unaided, count = self._unaided + dt, len(feet)
+        if velocity is None:
+            lifts, slides, moves, quick = ([False] * count for _ in range(4))
+        else:
+            fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
+            lifts, slides, moves, quick = [], [], [], []
+            u, v, w = velocity
+            for i, (foot, load) in enumerate(zip(feet, loads, strict=True)):
+                x, y, z = foot.motion
+                speed, rise = math.hypot(x + u, y + v, z + w), z + w
+                along = self._along(i, foot, load, steady, dt)
+                self._sunk[i] = self._sunk[i] + dt if rise < -fastest and load > 0.0 else 0.0
+                lifts.append(abs(rise) > fastest)
+                slides.append(along > farthest and not lifts[i])
+                moves.append(speed > fastest)
+                quick.append(speed > slip or along > SLIDES)
+        if True in slides and all(self._carried) and _alike(feet):
+            slides = [False] * count
+        parts = [0.0 if moves[i] or slides[i] else load for i, load in enumerate(loads)]
+        total, struck = sum(parts), False
+        if total == 0.0:
+            bearing = loads.index(max(loads))
+            struck = self._sunk[bearing] >= STRUCK
+            if struck:
+                self._sunk[bearing], slides[bearing], quick[bearing] = 0.0, False, False
+                parts[bearing] = total = loads[bearing]
+        if total == 0.0:
+            self._unaided, self._sliding = unaided, self._sliding or True in slides
+            return FeetAtRest(parts, lifts, slides, sliding=self._sliding)
+        if not any([quick[i] and part > 0.0 for i, part in enumerate(parts)]):
+            self._unaided, self._sliding = 0.0, False
+        return FeetAtRest([part / total for part in parts], lifts, slides, struck, self._sliding)
+
+    def _along(self, i: int, foot: FootEstimate, load: float, steady: complex, dt: float) -> float:
+        """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip."""
+        self._carried[i] = carried = self._carried[i] + dt if load > CARRIES else 0.0
+        if carried <= (0.0 if self._sliding else SETTLED):
+            return 0.0
+        (x, y, _), (u, v, _) = foot.motion, foot.rotation
+        speed = abs(complex(x, y) + steady)
+        return speed if self._sliding else speed - TURNS * math.hypot(u, v)
+
+
+def _alike(feet: Sequence[FootEstimate]) -> bool:
+    """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
+    (a, b, _), (c, d, _) = feet[0].motion, feet[-1].motion
+    return len(feet) > 1 and math.hypot(a - c, b - d) < SLIDES
