@@ -70,6 +70,11 @@ class Twist(NamedTuple):
     acceleration: float  # its acceleration, rad/s²
     by_waist: bool  # true if the waist turns the torso against the pelvis; otherwise both turn on the hips
 
+    @property
+    def links(self) -> tuple[Twist, Twist]:
+        """Twists of pelvis and torso."""
+        return UNTWISTED if self.by_waist else self, self
+
 
 UNTWISTED = Twist(0.0, 0.0, 0.0, by_waist=False)
 """No turn."""

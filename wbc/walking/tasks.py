@@ -148,7 +148,9 @@ class WalkTasks:
     def _switch(self, side: int, *, contact: bool, swings: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground or take it off; one that swings follows its motion."""
         self.contacts[side].active = contact
-        self._swings[side].scale = self._swing_scale if swings else 0.0
+        swing = self._swings[side]
+        if swings == swing.idle:
+            swing.scale = self._swing_scale if swings else 0.0
 
     def _load(self, reference: Reference, feet: SteppingFeet) -> None:
         """Write what feet that balance the robot cost and bear, where it changes."""
@@ -216,9 +218,8 @@ class WalkTasks:
 
     def _follow_body(self, body: WholeBody, lean: LeanMotion, twist: Twist) -> None:
         """Set the targets of a source that gives the motion of all joints; its trunk is twisted, and leans."""
-        turns = UNTWISTED if twist.by_waist else twist, twist
         for task, turn, (rotation, velocity, acceleration) in zip(
-            self._trunk, turns[: len(self._trunk)], body.trunk, strict=True
+            self._trunk, twist.links[: len(self._trunk)], body.trunk, strict=True
         ):
             task.follow(
                 lean.rotation.dot(yaw_rotation(turn.angle)).dot(rotation),
@@ -235,7 +236,7 @@ class WalkTasks:
         A trunk that is turned far from there is brought upright as it turns back: a rotation that is large about the
         vertical has parts about the level axes that are no tilt, so the heading of the target stays near the trunk's.
         """
-        turns, still = (UNTWISTED if twist.by_waist else twist, twist), twist is UNTWISTED
+        turns, still = twist.links, twist is UNTWISTED
         off = [
             math.remainder(yaw + turn.angle + own - heading(task.rotation), math.tau)
             for task, turn, own in zip(self._trunk, turns, self._trunk_yaws, strict=False)
