@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -37,15 +38,24 @@ def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Calla
     hand = hands.all[name]
 
     def tick(most: float) -> None:
-        felt = max(hand.target, 2.0 * hands.settings.touch)
-        chosen = np.array((0.0, 0.0, min(most, hand.force.value + hand.extra)))
-        wrench = np.concatenate((-felt * hand.direction, np.zeros(3)))
-        hand.update(wrench, np.eye(3), chosen, 0.005)
+        felt = max(hand.total, 2.0 * hands.settings.touch)
+        feel(hand, -felt * hand.direction, chosen=(0.0, 0.0, min(most, hand.force.value + hand.extra)))
 
     hands.press(name, force, along, firm=True)
-    while hand.state is not HandState.HOLD or hand.target < force:
+    while hand.state is not HandState.HOLD or hand.total < force:
         tick(np.inf)
     return hand, tick
+
+
+def feel(
+    hand: Hand, force: Any, moment: Any = (0.0, 0.0, 0.0), chosen: Any = None, dt: float = 0.005
+) -> None:
+    """Let a hand feel a wrench, in the world, for a tick in which the QP has chosen a force for its contact."""
+    turn, solution = hand.measured.rotation.T, None
+    if chosen is not None:
+        contacts = {hand.contact.name: slice(0, 3)}
+        solution = SimpleNamespace(layout=SimpleNamespace(contacts=contacts), variables=np.array(chosen))
+    hand.update(np.concatenate((turn @ force, turn @ moment)) + hand.tare, solution, dt)  # type: ignore[arg-type]
 
 
 def turned(walking: WalkingControl, yaw: float) -> np.ndarray[Any, Any]:

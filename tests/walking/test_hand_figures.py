@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from at_rest import at_rest
-from standing_hands import AHEAD, DOWN, held_hand, hold, standing, turned, wrench_at
+from standing_hands import AHEAD, DOWN, feel, held_hand, hold, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
@@ -178,15 +178,15 @@ def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_
     hands.grip("left_hand", hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
     readings, dt = np.random.default_rng(1).normal(size=(40, 6)), 0.005
     for reading in readings:
-        hand.update(0.5 * reading - hand.tare, np.eye(3), None, dt)
+        hand.update(0.5 * reading, None, dt)
     np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)
     assert hand.state is HandState.REACH
-    hand.update(np.array([9.0, 0, 0, 0, 0, 0]), np.eye(3), None, dt)
+    feel(hand, (9.0, 0.0, 0.0), dt=dt)
     np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)  # a touch is none
     hand.state = HandState.GRIP
     turn = pin.utils.rotate("z", 0.7)
     for _ in range(20):
-        hand.update(np.array([4.0, 0.0, 1.0, 0.0, 0.3, 0.0]), turn, None, dt)
+        feel(hand, turn @ (4.0, 0.0, 1.0), turn @ (0.0, 0.3, 0.0), dt=dt)
     share = 1.0 - np.exp(-20 * dt / 0.05)
     np.testing.assert_allclose(hand.felt, share * turn @ (4.0, 0.0, 1.0), atol=1e-9)
     slow = 1.0 - np.exp(-20 * dt / 1.0)
@@ -197,15 +197,15 @@ def test_a_silent_sensor_is_bridged_for_fifty_milliseconds_and_told_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     hands, hand, _ = held_hand(20.0, ramp=0.1)
-    hand.sense(np.arange(6.0), 0.005)
+    feel(hand, -20.0 * hand.direction)
     for _ in range(10):
-        hand.sense(None, 0.005)
-        assert hand.state is HandState.HOLD and hand.reading[5] == 5.0
-    hand.sense(np.full(6, np.nan), 0.005)
-    hand.sense(None, 0.005)
-    assert hand.state is HandState.LOST and not hand.reading.any() and hands.lost == ("left_hand",)
+        hand.update(None, None, 0.005)
+        assert hand.state is HandState.HOLD and hand.pressed == pytest.approx(20.0)
+    hand.update(np.full(6, np.nan), None, 0.005)
+    hand.update(None, None, 0.005)
+    assert hand.state is HandState.LOST and hand.pressed == 0.0 and hands.lost == ("left_hand",)
     for _ in range(5):
-        hand.sense(None, 0.005)
+        hand.update(None, None, 0.005)
     assert len(caplog.records) == 1
 
 
@@ -253,8 +253,7 @@ def test_a_contact_is_lost_after_20_ms_with_less_than_three_tenths_of_its_force(
     _, hand, _ = held_hand(20.0, ramp=0.1)
     found = None
     for tick in range(1, 20):
-        wrench = np.concatenate((-force * 20.0 * hand.direction, np.zeros(3)))
-        hand.update(wrench, np.eye(3), None, 0.005)
+        feel(hand, -force * 20.0 * hand.direction)
         if hand.state is HandState.LOST:
             found = tick
             break
@@ -263,7 +262,7 @@ def test_a_contact_is_lost_after_20_ms_with_less_than_three_tenths_of_its_force(
         assert hand.planned == pytest.approx(20.0) and hand.extra == 0.0 and hand.at_work
         fading = [hand.planned]
         for _ in range(30):
-            hand.update(np.zeros(6), np.eye(3), None, 0.005)
+            feel(hand, np.zeros(3))
             fading.append(hand.planned)
         assert fading[15] == pytest.approx(10.0, abs=0.01) and fading[30] == pytest.approx(0.0, abs=1e-9)
         assert not hand.at_work and hand.active
@@ -274,21 +273,20 @@ def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it() -> None:
     hand, touch = hands.all["left_hand"], 4.0 * hands._robot.force_scale
     hands.press("left_hand", 20.0, AHEAD, firm=True)
     for force, state in ((1.1, "approach"), (0.9, "approach"), (1.1, "approach"), (1.1, "hold")):
-        hand.update(np.concatenate((-force * touch * hand.direction, np.zeros(3))), np.eye(3), None, 0.005)
+        feel(hand, -force * touch * hand.direction)
         assert hand.state.value == state
         assert hand.pressed == pytest.approx(force * touch)
-    assert hand.target == pytest.approx(touch) and hand.helps
+    assert hand.total == pytest.approx(touch) and hand.helps
     np.testing.assert_allclose(hand.contact.normal, (-1.0, 0.0, 0.0), atol=1e-12)
 
 
 def test_the_force_for_the_balance_fades_with_the_one_that_is_asked_for_and_stays_within_bounds() -> None:
     _, hand, tick = held_hand(20.0, ramp=0.2)
-    felt = np.concatenate((-20.0 * hand.direction, np.zeros(3)))
     for extra, held in ((-50.0, hand._touch - 20.0), (50.0, 50.0), (-5.0, -5.0)):
         hand.extra = extra
-        hand.update(felt, np.eye(3), None, 0.005)
+        feel(hand, -20.0 * hand.direction)
         assert hand.extra == pytest.approx(held), "a hand that helps stays in contact"
-        assert hand.target == pytest.approx(20.0 + held)
+        assert hand.total == pytest.approx(20.0 + held)
     hand.extra = 6.0
     hand.release()
     while hand.state is HandState.HOLD and hand.force.value > 0.5:
@@ -329,7 +327,7 @@ def test_a_light_robot_takes_a_smaller_force_for_a_touch(monkeypatch: pytest.Mon
     hand = hands.all["left_hand"]
     hands.press("left_hand", 20.0, AHEAD, firm=True)
     for force, state in ((0.9, "approach"), (0.9, "approach"), (1.1, "approach"), (1.1, "hold")):
-        hand.update(np.concatenate((-force * hand.direction, np.zeros(3))), np.eye(3), None, 0.005)
+        feel(hand, -force * hand.direction)
         assert hand.state.value == state
 
 
@@ -387,15 +385,13 @@ def tip_of(hands: Hands, name: str) -> np.ndarray[Any, Any]:
 def test_the_force_of_a_hand_is_the_one_that_the_qp_has_chosen_for_its_contact() -> None:
     hands, hand, _ = held_hand(20.0, ramp=0.1)
     layout = SimpleNamespace(contacts={hand.contact.name: slice(2, 5)})
-    solution = SimpleNamespace(layout=layout, variables=np.arange(8.0))
-    hand._controller = SimpleNamespace(solution=solution)  # type: ignore[assignment]
+    solution: Any = SimpleNamespace(layout=layout, variables=np.arange(8.0))
     assert hand.contact.active
-    np.testing.assert_array_equal(hand.chosen, (2.0, 3.0, 4.0))
-    assert hands.all["right_hand"].chosen is None, "it does not press"
+    np.testing.assert_array_equal(hand.chosen(solution), (2.0, 3.0, 4.0))
+    assert hands.all["right_hand"].chosen(solution) is None, "it does not press"
     layout.contacts.clear()
-    assert hand.chosen is None, "the last QP was without it"
-    hand._controller = SimpleNamespace(solution=None)  # type: ignore[assignment]
-    assert hand.chosen is None
+    assert hand.chosen(solution) is None, "the last QP was without it"
+    assert hand.chosen(None) is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.2])
@@ -458,3 +454,22 @@ def test_a_small_robot_has_its_share_of_the_bias_that_is_believed() -> None:
     settings = WalkingControlSettings().bias
     assert settings is not None
     assert small.bias.settings == settings.sized(0.5) != usual.bias.settings
+
+
+def test_an_arm_that_a_hand_leads_is_let_go_by_that_hand_alone() -> None:
+    """A hand whose arm was let go under it would press on with no task that leads it."""
+    walking, hands = standing()
+    arm = walking.arms["left_hand"]
+    hands.press("left_hand", 5.0, DOWN)
+    with pytest.raises(InputError, match=r"hands\.release\('left_hand'\)"):
+        arm.release()
+    with pytest.raises(InputError, match=r"hands\.release\('left_hand'\)"):
+        arm.reach(arm.place.translation)
+    assert arm.target is not None
+    hands.release("left_hand")
+    assert arm.target is None
+    arm.reach(arm.place.translation)
+    with pytest.raises(InputError, match=r"arms\['left_hand'\]\.release"):
+        hands.press("left_hand", 5.0, DOWN)
+    arm.release()
+    hands.press("left_hand", 5.0, DOWN)

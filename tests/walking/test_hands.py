@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from standing_hands import AHEAD, DOWN, held_hand, standing, turned, wrench_at
+from standing_hands import AHEAD, DOWN, feel, held_hand, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.frames import heading
@@ -135,9 +135,9 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
     assert abs(trial.control.controller.solution.torques[index]) <= bound + 1e-6
-    assert all(bounded[40:]) and 5.0 < hand.target < 0.9 * 25.0
-    assert hand.pressed == pytest.approx(hand.target, abs=2.0) and hand.state is HandState.HOLD
-    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.target, abs=3.0)
+    assert all(bounded[40:]) and 5.0 < hand.total < 0.9 * 25.0
+    assert hand.pressed == pytest.approx(hand.total, abs=2.0) and hand.state is HandState.HOLD
+    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.total, abs=3.0)
 
 
 class Grip(TrialHook):
@@ -216,7 +216,7 @@ def carry(walking: WalkingControl, name: str) -> Callable[..., None]:
     own = robot.placement(robot.base_frame).actInv(hand.arm.place)
 
     def tick() -> None:
-        hand.update(np.zeros(6), np.eye(3), None, 0.005)
+        feel(hand, np.zeros(3))
         left, right = (FootMotion.at_rest(robot.placement(sole.frame)) for sole in robot.soles)
         walking.arms.update((left, right), 0.0)
         base = hand.arm.task.target * own.inverse()
@@ -233,7 +233,7 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
         tick()
     assert np.abs(hand.arm.task.feedforward_acceleration).max() > 0.1
     for _ in range(12):
-        hand.sense(None, 0.005)
+        hand.update(None, None, 0.005)
         assert hand.planned == 0.0, "it has touched nothing"
     assert hand.state is HandState.LOST
     robot, here = walking.controller.robot, pin.SE3(hand.arm.place)
@@ -261,7 +261,7 @@ def test_the_reference_waits_for_a_hand_that_cannot_follow_on_its_way() -> None:
     hand, feet = hands.all["left_hand"], feet_at(walking, np.zeros(3))
     hands.grip("left_hand", (0.45, 0.25, 0.9), AHEAD, 5.0)
     for _ in range(400):
-        hand.update(np.zeros(6), np.eye(3), None, 0.005)
+        feel(hand, np.zeros(3))
         walking.arms.update(feet, 0.0)
     assert hand.state is HandState.REACH and not hands.there
     assert hand.arm.behind == pytest.approx(LEAD, abs=0.01)
@@ -314,7 +314,7 @@ def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
     ):
         for _ in range(3):
             tick(most)
-            assert (hand.target, hand.bounded) == (pytest.approx(given), bounded)
+            assert (hand.total, hand.bounded) == (pytest.approx(given), bounded)
 
 
 # ---- in a tick: against closed forms -------------------------------------------------------------------------------
@@ -423,4 +423,4 @@ def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
     np.testing.assert_allclose(hand.contact.normal, (-0.6, 0.0, 0.8))
     for _ in range(25):
         tick(np.inf)
-    assert hand.state is HandState.HOLD and hand.target == pytest.approx(12.0)
+    assert hand.state is HandState.HOLD and hand.total == pytest.approx(12.0)

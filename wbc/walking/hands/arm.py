@@ -11,7 +11,7 @@ task moves the arm alone, and takes the motion of all other joints into account.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,7 @@ from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
 from wbc.tasks.force.compliance import AdmittanceTask
-from wbc.walking.hands.frames import WORLD, TargetFrames, carried
+from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
 from wbc.walking.swing import REST
 
 ARRIVED = 1e-3
@@ -52,6 +52,9 @@ LEAD = 0.1
 SMOOTHING = 0.04
 """Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
 fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
+
+Limits = Mapping[str, ArrayLike | None]
+"""Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
 
 
 @settings
@@ -87,8 +90,6 @@ class Arm:
         length: Length of the stretched arm, from its first joint to the frame of the hand, m.
         task: Motion of the hand; it is added to the controller with the first target.
         within: Name of the frame of the target.
-        pressing: True while the hand presses, grips, or is on its way (`wbc.walking.hands.hand.Hand`, which writes it):
-            it takes no targets from `reach`.
         place: Placement of the hand as it is commanded, in the world; a view.
     """
 
@@ -121,15 +122,13 @@ class Arm:
         )
         self.task.spared, self.task.scale = self._spared, 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
-        self._added = self.pressing = False
+        self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
         self.within = WORLD
         self._goal: pin.SE3 | None = None
         self._turn, self._fastest = 0.0, settings.speed
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
         self._there = pin.SE3(self.place)  # reference in the world
-        self._moves: list[
-            Move
-        ] = []  # of the reference, one after the other, where times or speeds were given
+        self._moves: list[Move] = []  # of the reference, where times or speeds were given
         self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
 
     # ---- the arm itself -----------------------------------------------------------------------------------------
@@ -179,12 +178,28 @@ class Arm:
         least = int(np.argmin(most))
         return float(most[least]), robot.joint_names[arm[least]]
 
-    def check_own(self) -> None:
+    def check_idle(self) -> None:
+        """Raise an `InputError` for an arm that no hand may lead: it has a target of its own, or is released."""
+        self._check_own()
+        if self._goal is not None and not self._led:
+            raise InputError(
+                f"{self.name} must have no target when it presses or grips: arms['{self.name}'].release() takes the "
+                "one it has"
+            )
+
+    def _check_own(self) -> None:
         """Raise an `InputError` for an arm that somebody else moves."""
         released = self._controller.released
         if released is not None and self.joints and released.mask[self.joints].all():
             raise InputError(
                 f"the arm of '{self.name}' is moved by somebody else; walking.release takes it back"
+            )
+
+    def _check_not_led(self, order: str) -> None:
+        """Raise an `InputError` for an order to an arm that a hand leads."""
+        if self._led:
+            raise InputError(
+                f"{order} must wait until the hand neither presses nor grips: hands.release('{self.name}') lets go"
             )
 
     # ---- where the hand goes, and is ----------------------------------------------------------------------------
@@ -217,8 +232,10 @@ class Arm:
     @property
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
-        if self._goal is None or self._moves:
-            return self._goal is not None
+        if self._goal is None:
+            return False
+        if self._moves:
+            return True
         left = self._left(self._reference)
         return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
 
@@ -273,31 +290,46 @@ class Arm:
             InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
                 limit that is not above zero.
         """
-        self.check_own()
+        self._check_own()
         choose("frame of a hand's target", frame, self._frames.names)
-        what, turn, limits = f"target of '{self.name}'", 1.0, []
+        what, turn = f"target of '{self.name}'", 1.0
         if isinstance(target, pin.SE3):
             goal = pose(what, target)
         else:
             goal, turn = pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,))), 0.0
-        if self.pressing:
-            raise InputError(
-                f"target of '{self.name}' must wait until the hand neither presses nor grips: "
-                f"hands.release('{self.name}') lets go, got {np.round(goal.translation, 3).tolist()}"
-            )
-        if duration is not None or speed is not None:
-            limits = [{"duration": duration, "speed": speed, "acceleration": acceleration}]
-        elif acceleration is not None:
+        self._check_not_led(f"{what}, {np.round(goal.translation, 3).tolist()},")
+        timed = duration is not None or speed is not None
+        if acceleration is not None and not timed:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
-        self.send([goal], frame, turn, limits)
+        limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
+        self.send([goal], frame, turn, [limits] if timed else (), led=False)
+
+    def release(self) -> None:
+        """Let the arm go back to its posture; an `InputError` while the hand presses or grips."""
+        self._check_not_led(f"release of '{self.name}'")
+        self._fade()
+
+    def leave(self) -> None:
+        """Let the arm go back to its posture, from where it is: no hand leads it any more."""
+        self.stop(PELVIS)
+        self._led = False
+        self._fade()
+
+    def stop(self, frame: str) -> None:
+        """Stop and stay where the reference is; in a new frame where the hand is."""
+        place = self._reference if frame == self.within else self.seen(frame)
+        self.send([place], frame, self._turn, led=self._led)
+        self._velocity = np.zeros(6)
 
     def send(
         self,
         targets: Sequence[pin.SE3],
         frame: str,
         turn: float,
-        limits: Sequence[Mapping[str, Any]] = (),
+        limits: Sequence[Limits] = (),
         speed: float | None = None,
+        *,
+        led: bool = True,
     ) -> None:
         """Go to a target as fast as a speed lets the hand, or through some to the last one on trajectories.
 
@@ -309,6 +341,7 @@ class Arm:
             turn: Ratio of the cost of the rotation to that of the place; the hand turns as it likes at 0.
             limits: Limits of the minimum jerk trajectory to each of the targets; none go to the last one.
             speed: Greatest speed without trajectories, m/s; that of the settings when None.
+            led: True for a hand that presses or grips: until `leave` the arm takes no targets from `reach`.
         """
         reference, velocity, turns = self._reference, self._velocity, turn > 0.0
         fresh = frame != self.within or not self.active
@@ -329,7 +362,7 @@ class Arm:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._goal, self._turn = frame, goals[-1], turn
+        self.within, self._goal, self._turn, self._led = frame, goals[-1], turn, led
         self._reference, self._velocity = reference, velocity
         self._fastest = self._settings.speed if speed is None else speed
         if self._blend.goal == 0.0:
@@ -339,13 +372,8 @@ class Arm:
             self._added = True
             self._controller.add(self.task)
 
-    def stop(self, frame: str) -> None:
-        """Stop and stay where the reference is; in a new frame where the hand is."""
-        self.send([self._reference if frame == self.within else self.seen(frame)], frame, self._turn)
-        self._velocity = np.zeros(6)
-
-    def release(self) -> None:
-        """Let the arm go back to its posture."""
+    def _fade(self) -> None:
+        """Blend the task out, if there is a target."""
         if self._goal is not None:
             self._goal, self._moves = None, []
             self._blend.to(0.0, BLEND)
@@ -369,27 +397,36 @@ class Arm:
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def update(self) -> None:
-        """Move the reference on and hand it to the task; the hand is active."""
-        s, dt, task = self._settings, self._dt, self.task
+    def update(self, accelerations: Array | None) -> None:
+        """Move the reference of an active hand on and hand it to the task.
+
+        The QP has had the accelerations in the last tick, shape (nv,); None in the first one.
+        """
         if self._blend.value != self._blend.goal:
-            self._blend.advance(dt)
+            self._blend.advance(self._dt)
             self._weigh()
-        solution = self._controller.solution
-        if solution is not None:
-            task.spared_acceleration = solution.accelerations[self._spared]
-        before, reference = self._velocity.copy(), self._reference
+        if accelerations is not None:
+            self.task.spared_acceleration = accelerations[self._spared]
         turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
-        if self._moves:  # more slowly where the hand stays behind, in its rotation if that matters as much
-            slower, move = min(pace) if self._turn == 1.0 else pace[0], self._moves[0]
-            move.advance(slower * dt)
-            self._reference, velocity, push = move.now()
-            self._velocity = slower * velocity
-            if move.arrived:
-                self._moves.pop(0)
-            self._follow(slower * slower * push)
-            return
+        self._follow(self._move_on(pace) if self._moves else self._approach(pace))
+
+    def _move_on(self, pace: Sequence[float]) -> Array:
+        """Move the reference on along its trajectory; return its acceleration, shape (6,).
+
+        It goes more slowly where the hand stays behind, in its rotation if that matters as much; a `pace` is 0 to 1.
+        """
+        slower, move = min(pace) if self._turn == 1.0 else pace[0], self._moves[0]
+        move.advance(slower * self._dt)
+        self._reference, velocity, push = move.now()
+        self._velocity = slower * velocity
+        if move.arrived:
+            self._moves.pop(0)
+        return np.asarray(slower * slower * push)
+
+    def _approach(self, pace: Sequence[float]) -> Array:
+        """Move the reference towards the target at bounded speeds; return its acceleration, shape (6,)."""
+        s, dt, before, reference = self._settings, self._dt, self._velocity.copy(), self._reference
         left = self._left(reference)
         for rows, granted, acceleration in (
             (slice(0, 3), self._fastest * pace[0], s.acceleration),
@@ -398,7 +435,7 @@ class Arm:
             self._velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
         reference.translation = reference.translation + dt * self._velocity[:3]
         reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
-        self._follow((self._velocity - before) / dt)
+        return (self._velocity - before) / dt
 
     def _left(self, here: pin.SE3) -> Array:
         """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad.

@@ -34,11 +34,12 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
 from wbc.core.qp.options import ContactOptions
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
-from wbc.walking.hands.frames import FEET, PELVIS, WORLD
+from wbc.walking.hands.frames import FEET, WORLD
 from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
@@ -133,8 +134,7 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
-        force: Force that is asked for now, N.
-        reading: Last reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm.
+        force: Ramp of the force that is asked for, N.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
             its last approach; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
@@ -148,8 +148,8 @@ class Hand:
         """Begin free: the controller gets task and contacts of the hand with its first order."""
         self.measured = estimate.placement(arm.frame)
         self.name, self.arm, self.index, self._settings = arm.name, arm, index, settings
-        self._controller, robot, name, frame = controller, controller.robot, arm.name, arm.frame
-        self._touch = settings.touch * robot.force_scale
+        self._controller, name, frame = controller, arm.name, arm.frame
+        self._touch = settings.touch * controller.robot.force_scale
         arm.yield_by(settings.lag, 2.0 * settings.approach)
         options: ContactOptions = {  # the motion is the task's
             "active": False,
@@ -167,7 +167,7 @@ class Hand:
         self._force = WrenchTask(self.contact, weight=PRESS_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=GRIP_WEIGHT)
         self.direction = np.zeros(3)
-        self.reading, self.tare = np.zeros(6), np.zeros(6)
+        self._reading, self.tare = np.zeros(6), np.zeros(6)
         self._then = HandState.APPROACH  # state after the way to where it presses or grips
         self._enter(HandState.FREE)
 
@@ -184,9 +184,12 @@ class Hand:
         self._silent = self._touching = self._short = 0.0
 
     @property
-    def chosen(self) -> Array | None:
-        """Force that the QP has chosen for its contact, in the frame of that, shape (3,), N; None if it has not yet."""
-        solution = self._controller.solution
+    def reach(self) -> float:
+        """Length of the stretched arm to the tip, m."""
+        return self.arm.length + self._settings.length
+
+    def chosen(self, solution: Solution | None) -> Array | None:
+        """Return the force that the QP has chosen for its contact, in the frame of that, shape (3,), N, if any."""
         if solution is None or not self.contact.active:
             return None
         at = solution.layout.contacts.get(self.contact.name)
@@ -201,8 +204,15 @@ class Hand:
         """Return the planned force after a time, s, N."""
         return min(self.force.after(time), self._most)
 
+    def planned_wrench(self, time: float) -> Array:
+        """Return the planned wrench on it after a time, s, at the world origin, shape (6,); zero while it grips."""
+        if self.state not in (HandState.HOLD, HandState.LOST):
+            return np.zeros(6)
+        push = -self.planned_after(time) * self.direction
+        return np.concatenate((push, np.cross(self.measured.act(self.tip), push)))
+
     @property
-    def target(self) -> float:
+    def total(self) -> float:
         """Planned force plus the one for the balance, N."""
         return self.planned + self.extra
 
@@ -252,7 +262,6 @@ class Hand:
             if not any(item is other for other in present):
                 self._controller.add(item)
         self._enter(HandState.REACH)
-        self.arm.pressing = True
         self.direction, self.ordered = direction, force
 
     def _go(self, point: Array, then: HandState) -> None:
@@ -283,55 +292,61 @@ class Hand:
         elif self.state is not HandState.FREE:
             self._free()
 
-    def sense(self, wrench: Array | None, dt: float) -> None:
-        """Take a reading, [force; moment] in the frame of the hand, shape (6,), N and Nm; None or NaN is none.
-
-        The last reading holds until `SILENCE` has passed. After that a hand that presses or approaches has lost its
-        contact, and the force on one that grips is zero.
-        """
-        if wrench is not None and np.isfinite(wrench).all():
-            self.reading[:], self._silent = wrench, 0.0
-            return
-        before, self._silent = self._silent, self._silent + dt
-        if self._silent <= SILENCE:
-            return
-        self.reading[:] = self.tare
-        if before <= SILENCE:
-            logger.error("%s: no reading of its force sensor for %.3f s", self.name, self._silent)
-        if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
-            self._lose()
-
     def help(self, force: float, dt: float) -> None:
         """Press with a force for the balance on top of the one that is asked for, N, by and by."""
         self.extra += dt / HELP_TIME * (force - HELP_LEAK * self.extra)
 
     def update(
-        self, wrench: Array, rotation: Array, chosen: Array | None, dt: float, excess: Array = ZERO
-    ) -> None:
-        """Advance by one tick.
+        self, reading: Array | None, solution: Solution | None, dt: float, excess: Array = ZERO
+    ) -> Array | None:
+        """Advance by one tick, and return the wrench on the hand, None while it touches nothing.
 
         Args:
-            wrench: Measured wrench on the hand less its tare, [force; moment] in its frame, shape (6,), N and Nm.
-            rotation: Its orientation, shape (3, 3).
-            chosen: Force that the QP has chosen in the last tick, in the frame of the contact, shape (3,), N; that
-                which it was asked for when None.
+            reading: Reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm; None or NaN is none.
+            solution: Solution of the QP in the last tick; None in the first one.
             dt: Control period, s.
             excess: Part of the force on all hands to which this one yields while it grips, in the world, shape (3,), N.
+
+        Returns:
+            Wrench on a hand that presses, grips, or has lost its contact, [force; moment] at the world origin, shape
+            (6,), less the tare.
         """
-        state = self.state
-        if state is HandState.FREE:
-            return
+        if self.state is HandState.FREE:
+            return None
+        self._sense(reading, dt)
+        wrench, rotation = self._reading - self.tare, self.measured.rotation
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
-        if state is HandState.HOLD:
-            self._press(wrench, rotation, chosen, dt)
-        elif state is HandState.GRIP:
+        if self.state is HandState.HOLD:
+            self._press(wrench, rotation, self.chosen(solution), dt)
+        elif self.state is HandState.GRIP:
             self._carry(wrench, rotation, excess, dt)
-        elif state is HandState.REACH:
+        elif self.state is HandState.REACH:
             self._reach(wrench, dt)
-        elif state is HandState.APPROACH:
+        elif self.state is HandState.APPROACH:
             self._approach(dt)
         else:
             self.force.advance(dt)
+        if self.state not in (HandState.HOLD, HandState.GRIP, HandState.LOST):
+            return None
+        return np.asarray(self.measured.act(pin.Force(wrench)).vector)
+
+    def _sense(self, reading: Array | None, dt: float) -> None:
+        """Take a reading of its sensor in; see `update`.
+
+        The last reading holds until `SILENCE` has passed. After that a hand that presses or approaches has lost its
+        contact, and the force on one that grips is zero.
+        """
+        if reading is not None and np.isfinite(reading).all():
+            self._reading[:], self._silent = reading, 0.0
+            return
+        before, self._silent = self._silent, self._silent + dt
+        if self._silent <= SILENCE:
+            return
+        self._reading[:] = self.tare
+        if before <= SILENCE:
+            logger.error("%s: no reading of its force sensor for %.3f s", self.name, self._silent)
+        if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
+            self._lose()
 
     def _carry(self, wrench: Array, rotation: Array, excess: Array, dt: float) -> None:
         """Yield to the excess of the force on all hands, and ask the QP for the slow part of the wrench on this one."""
@@ -390,7 +405,7 @@ class Hand:
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
-        least = min(self.planned, self.target)
+        least = min(self.planned, self.total)
         short = self.pressed < LOSS * least and least > 2.0 * self._touch
         self._short = self._short + dt if short else 0.0
         if self._short > LOSS_TIME + ROUNDING:
@@ -410,6 +425,4 @@ class Hand:
     def _free(self) -> None:
         """Let the arm go back to its posture, from where it is."""
         self._enter(HandState.FREE)
-        self.arm.pressing = False
-        self.arm.stop(PELVIS)
-        self.arm.release()
+        self.arm.leave()

@@ -20,7 +20,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, choose
@@ -59,7 +58,6 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
-        measurement: Last measurement, by which orders of hands without sensors are refused; None before the first tick.
         slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn of its
             link by the gyroscope less that by the estimate, which holds on to the feet.
     """
@@ -78,7 +76,7 @@ class Hands:
 
         The ZMP of a robot that stands stays within a `box` about that middle, m; within the edges when it is None.
         """
-        self._robot, self._estimate = controller.robot, estimate
+        self._controller, self._robot, self._estimate = controller, controller.robot, estimate
         self.settings = settings
         self._edges, self._box, self._height = edges, box or edges, height
         self.all: Mapping[str, Hand] = MappingProxyType(
@@ -91,7 +89,7 @@ class Hands:
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
         self._excess: dict[str, Array] = {}  # hand that grips → force to which it yields in the next tick, N
-        self.measurement: Measurement | None = None
+        self._measurement: Measurement | None = None  # the last one
         self.active = False
         # Views, which move on with the estimate.
         self._pelvis = estimate.placement(estimate.base_frame).rotation
@@ -149,12 +147,11 @@ class Hands:
             below: The same downwards.
             outward: The same away from the trunk.
         """
-        arm, robot = self.all[choose("hand", hand, self.all)].arm, self._robot
-        trunk = robot.placement(robot.base_frame)
+        each, robot = self.all[choose("hand", hand, self.all)], self._robot
+        trunk, shoulder = robot.placement(robot.base_frame), each.arm.shoulder
         yaw = heading(trunk.rotation)
-        c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(arm.shoulder)[1])
-        reach = arm.length + self.settings.length
-        place: Array = arm.shoulder + reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
+        c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(shoulder)[1])
+        place: Array = shoulder + each.reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
         return place
 
     def press(
@@ -225,21 +222,15 @@ class Hands:
 
     def _order(self, hand: str, force: float, direction: ArrayLike) -> tuple[float, Array]:
         """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,)."""
-        choose("hand", hand, self.all)
-        arm = self.all[hand].arm
-        arm.check_own()
+        self.all[choose("hand", hand, self.all)].arm.check_idle()
         self._check_sensor(hand)
-        if arm.target is not None and not arm.pressing:
-            raise InputError(
-                f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
-            )
         checked = finite_scalar(f"force of {hand} (N)", force, low=0.0)
         return checked, unit_vector(f"direction of {hand}", direction)
 
     def _reachable(self, hand: str, at: ArrayLike) -> Array:
         """Return a point for a hand, shape (3,), m, after a check."""
-        point, arm = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand].arm
-        far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.length + self.settings.length
+        point, each = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand]
+        far, reach = float(np.linalg.norm(point - each.arm.shoulder)), each.reach
         if far > reach:
             raise InputError(
                 f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
@@ -248,9 +239,9 @@ class Hands:
 
     def _check_sensor(self, hand: str) -> None:
         """Check that the force on a hand is measured, as far as is known: before the first tick nothing is."""
-        if self.measurement is None:
+        if self._measurement is None:
             return
-        wrenches = self.measurement.hand_wrenches
+        wrenches = self._measurement.hand_wrenches
         if wrenches is None or not np.isfinite(wrenches[self.all[hand].index]).all():
             raise InputError(
                 f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
@@ -296,7 +287,7 @@ class Hands:
 
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
-        self.measurement = measurement
+        self._measurement = measurement
         if not (self.wanted or self.active):
             return None
         rests = reference.progress.phase is GaitPhase.STANDING
@@ -327,19 +318,15 @@ class Hands:
         All are at the world origin, shape (6,), N and Nm.
         """
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
+        solution = self._controller.solution
         for hand in self.all.values():
-            if not hand.at_work:
-                continue
-            hand.sense(None if readings is None else readings[hand.index], dt)
-            place, wrench = hand.measured, hand.reading - hand.tare
-            excess = self._excess.get(hand.name, ZERO)
-            hand.update(wrench, place.rotation, hand.chosen, dt, excess)
-            if hand.state is HandState.GRIP:
-                pulled += place.act(pin.Force(wrench)).vector
-            elif hand.state in (HandState.HOLD, HandState.LOST):
-                felt += place.act(pin.Force(wrench)).vector
-                push = -hand.planned_after(2.0 * SHIFT_TIME) * hand.direction
-                planned += np.concatenate((push, np.cross(place.act(hand.tip), push)))
+            if hand.at_work:
+                reading = None if readings is None else readings[hand.index]
+                wrench = hand.update(reading, solution, dt, self._excess.get(hand.name, ZERO))
+                if wrench is not None:
+                    total = pulled if hand.state is HandState.GRIP else felt
+                    total += wrench
+                    planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         return felt, pulled, planned
 
     def _yielded(self, rests: bool) -> dict[str, Array]:

@@ -82,13 +82,14 @@ class Arms:
             yaw: Heading, rad.
             fast_share: Share from 0 to 1 by which the walk is a fast one.
         """
-        active = tuple(hand for hand in self.all.values() if hand.active)
+        active = tuple(arm for arm in self.all.values() if arm.active)
         if active or self._spared:
-            used = any(hand.within == FEET for hand in active)
-            self._frames.follow(used, feet, yaw, self._dt)
-            for hand in active:
-                hand.update()
-            self._spare(active)
+            solution = self._controller.solution
+            accelerations = None if solution is None else solution.accelerations
+            self._frames.follow(any(arm.within == FEET for arm in active), feet, yaw, self._dt)
+            for arm in active:
+                arm.update(accelerations)
+            self._spare(active, accelerations)
         s = self.settings
         swing = s.swing + fast_share * (max(s.fast_swing, s.swing) - s.swing)
         if swing > 0.0 or self._swung > 0.0:
@@ -123,11 +124,10 @@ class Arms:
         self._swings = self._rest + turns * way
         posture.follow(self._swings, turns * speed, np.zeros(posture.dim))
 
-    def _spare(self, active: tuple[Arm, ...]) -> None:
-        """Keep the balance from using the arms of active hands, and the posture from holding them back."""
+    def _spare(self, active: tuple[Arm, ...], accelerations: Array | None) -> None:
+        """Keep the balance from using active arms, and the posture from holding them back."""
         if active != self._spared:
             self._spared = active
-            self._tasks.spare([*dict.fromkeys(joint for hand in active for joint in hand.joints)])
-        solution = self._controller.solution
-        if solution is not None and active:
-            self._tasks.expect(solution.accelerations)
+            self._tasks.spare([*dict.fromkeys(joint for arm in active for joint in arm.joints)])
+        if accelerations is not None and active:
+            self._tasks.expect(accelerations)
