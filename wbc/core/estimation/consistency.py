@@ -16,9 +16,11 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector, part_way
+from wbc.core.estimation.foot import STILL
 from wbc.core.estimation.frozen import FrozenReadings
+from wbc.core.estimation.gyroscope import GyroscopeComparison
 from wbc.core.estimation.integrals import UNMET, IntegralComparison
-from wbc.core.estimation.legs import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, LegComparison
+from wbc.core.estimation.legs import LASTING, SMOOTHING, LegComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -54,36 +56,6 @@ SLOWLY = 0.1
 FOOT_ROTATION = 0.5
 """Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s, once both have
 stood for `STANDING`: in a walk both may roll over the edges of stones or boards."""
-
-FOOT_SPIN = 0.5
-"""Speed about the vertical above which a foot on the ground slides, so that speeds are not compared, rad/s."""
-
-SLAP = 2.0
-"""Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s."""
-
-SLAPPED = 0.05
-"""Time for which legs and accelerometer are not compared after that, s: the foot leaves the ground in part, and its end
-is a blow."""
-
-SPEED_DIFFERENCE = 0.035
-"""Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
-seems to turn: one that turns, as on stones, moves the accelerometer, too; an error of the gyroscope does not."""
-
-STANCE_ROTATION = 0.05
-"""Speed from which on the foot on the ground seems to turn, rad/s."""
-
-SUSPICION = 0.1
-"""Time for which the difference must be too large while the robot stays calm, s."""
-
-# Where wrenches are estimated, the loads of feet that land come late, and legs seem to jerk.
-BLIND = 1.5
-"""Factor of the greatest difference there."""
-
-BLIND_SUSPICION = 0.15
-"""Time for which it must be too large there, s."""
-
-REMEMBERED = 1.0
-"""Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
 
 SLIPS = 0.02
 """Time for which a foot that carries must slip until it is named, s."""
@@ -176,12 +148,11 @@ class ConsistencyMonitor:
         self._names = [sole.name for sole in robot.soles]
         self._frozen, self._integrals = FrozenReadings(robot, channels), IntegralComparison(robot, dt)
         self._gain = lag_gain(dt, TIME_CONSTANT)
-        self._keep, self._offset_gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, OFFSET)
         self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
         height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
-        self._legs = LegComparison(dt, height)
+        self._legs, self._gyroscope = LegComparison(dt, height), GyroscopeComparison(dt)
         self.reset()
 
     def reset(self) -> None:
@@ -192,11 +163,8 @@ class ConsistencyMonitor:
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
-        self._drift = self._offset = self._parted = 0j
-        self._suspected = self._gyro_doubted = self._slapped = 0.0
-        self._turned: Vector = STILL
         self._slips, self._slipped = [0.0] * len(self._names), [0.0] * len(self._names)
-        for part in (self._frozen, self._integrals, self._legs):
+        for part in (self._frozen, self._integrals, self._legs, self._gyroscope):
             part.reset()
 
     def update(
@@ -213,9 +181,9 @@ class ConsistencyMonitor:
         """
         passed, self._time = measurement.time - self._time, measurement.time
         base = None if commanded is None else (commanded[:6], observer.robot.v[:6])
-        integrals, doubts = self._integrals, self._frozen.update(values)
-        drifts = integrals.update(values, base, passed)
-        if integrals.behind >= UNMET:
+        doubts = self._frozen.update(values)
+        drifts = self._integrals.update(values, base, passed)
+        if self._integrals.behind >= UNMET:
             doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":
             self._sensed = True
@@ -229,47 +197,38 @@ class ConsistencyMonitor:
         self._shares = [
             share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
         ]
-        legs = self._legs
-        rotations = observer.foot_rotations
+        doubts += self._compare_legs(observer, force, blind=measurement.wrench_source != "sensor")
+        doubts += self._slipping(observer.rest.slides)
+        doubts += self._contradictions(observer.foot_rotations, loads, weight)
+        if not (doubts or drifts or self.doubts):
+            return
+        found = tuple(drifts or dict.fromkeys(doubts))  # an encoder that drifts explains the rest
+        if found and found != self.doubts:
+            logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
+        self.doubts = found
+
+    def _compare_legs(self, observer: Observer, force: Vector, *, blind: bool) -> list[str]:
+        """Compare legs, force sensors and gyroscope; the specific force is in the world, m/s², `blind` as estimated."""
+        doubts: list[str] = []
+        legs, rotations = self._legs, observer.foot_rotations
         legs.move(observer.foot_velocities, rotations, observer.load_shares, force)
-        if legs.turns:
-            self._gyro_doubted = REMEMBERED
-        stands = min(loads) > CARRIES * weight or (self._stood > STANDING and legs.together)
-        self._stood = self._stood + self._dt if stands else 0.0
-        alike = _common(rotations) if self._stood > STANDING else STILL
-        self._rotation = part_way(self._rotation, alike, gain)
-        blind = measurement.wrench_source != "sensor"
         if not blind:
             legs.compare(self._shares, self._gravity)
             if legs.swapped:
                 doubts.append("force sensors swapped between the feet")
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
-        doubts += self._slipping(observer.rest.slides)
-        shares = observer.rest.shares
-        carries = [turn for turn, share in zip(rotations, shares, strict=True) if share >= 0.5]
-        stance = carries[-1] if carries else STILL
-        if self._gyroscope_contradicts(stance, observer.inertial.unexplained, blind):
+        carries = [turn for turn, share in zip(rotations, observer.rest.shares, strict=True) if share >= 0.5]
+        steady = self._calm >= CALM and sum(self._shares) >= WEIGHT_SHARE
+        if self._gyroscope.update(
+            carries[-1] if carries else STILL,
+            observer.inertial.unexplained,
+            blind=blind,
+            steady=steady,
+            turns=legs.turns,
+        ):
             doubts.append("gyroscope contradicts accelerometer and legs")
-        total = sum(self._shares)
-        wrong = (
-            self._gravity > GRAVITY_SHARE > total,
-            total > WEIGHT_EXCESS * max(self._gravity, 1.0),
-            self._gravity < GRAVITY_SHARE < total,
-            math.hypot(*self._rotation) > FOOT_ROTATION,
-        )
-        if not (doubts or drifts or any(wrong) or self.doubts):
-            self._since = [0.0, 0.0, 0.0, 0.0]
-            return
-        for i, is_wrong in enumerate(wrong):
-            begun = self._since[i] > 0.0 or self._calm >= CALM
-            self._since[i] = self._since[i] + self._dt if is_wrong and begun else 0.0
-            if self._since[i] >= LASTING:
-                doubts.append(self._contradiction(i, loads, weight))
-        found = tuple(drifts or dict.fromkeys(doubts))  # an encoder that drifts explains the rest
-        if found and found != self.doubts:
-            logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
-        self.doubts = found
+        return doubts
 
     def _watch_calm(self, horizontal: complex, measurement: Measurement) -> None:
         """Follow how long the robot has been calm, by its horizontal acceleration, m/s², and its rate."""
@@ -279,33 +238,6 @@ class ConsistencyMonitor:
         shaken = abs(self._shaken) > SHAKEN or float(change.dot(change)) > TURNED**2
         self._calm = 0.0 if shaken else self._calm + self._dt
 
-    def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:
-        """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""
-        most, lasting = SPEED_DIFFERENCE, SUSPICION
-        if blind:
-            most, lasting = BLIND * most, BLIND_SUSPICION
-        hops = sum(self._shares) < WEIGHT_SHARE or abs(rotation[2]) > FOOT_SPIN
-        self._slapped = SLAPPED if math.hypot(rotation[0], rotation[1]) > SLAP else self._slapped - self._dt
-        if hops or self._slapped > 0.0 or self._calm < CALM:  # or slides, or steps out of a push
-            self._suspected = 0.0
-            self._drift, self._parted, unexplained = self._offset, 0j, 0j
-        self._drift = drift = self._keep * self._drift + unexplained
-        self._offset += self._offset_gain * (drift - self._offset)
-        self._parted += self._smoothing * (drift - self._offset - self._parted)
-        if abs(self._parted) > most:
-            self._suspected += self._dt
-            (x, y, z), (u, v, w) = self._turned, rotation
-            self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
-            turns = math.hypot(*self._turned) > STANCE_ROTATION * self._suspected
-            if turns and self._suspected >= lasting:
-                self._gyro_doubted = REMEMBERED
-        elif self._suspected:
-            self._suspected, self._turned = 0.0, STILL
-        if self._gyro_doubted <= 0.0:
-            return False
-        self._gyro_doubted -= self._dt
-        return True
-
     def _slipping(self, slides: Sequence[bool]) -> list[str]:
         """Name the feet that slip along the ground, or have just done so."""
         for i, slips in enumerate(slides):
@@ -313,13 +245,33 @@ class ConsistencyMonitor:
             self._slipped[i] = SLIPPED if self._slips[i] >= SLIPS else self._slipped[i] - self._dt
         return [f"{name} slips" for name, left in zip(self._names, self._slipped, strict=True) if left > 0.0]
 
-    def _contradiction(self, which: int, loads: list[float], weight: float) -> str:
-        if which == 0:
-            silent = [name for name, load in zip(self._names, loads, strict=True) if load < 0.02 * weight]
-            return f"force sensor of {' or '.join(silent or self._names)} too low for the weight"
-        if which == 1:
-            return "force sensors too high for the weight"
-        return "accelerometer without gravity" if which == 2 else "encoders and gyroscope disagree"
+    def _contradictions(self, rotations: Sequence[Vector], loads: list[float], weight: float) -> list[str]:
+        """Return what loads, gravity and the turns of the feet contradict, if it has begun while the robot was calm."""
+        stands = min(loads) > CARRIES * weight or (self._stood > STANDING and self._legs.together)
+        self._stood = self._stood + self._dt if stands else 0.0
+        alike = _common(rotations) if self._stood > STANDING else STILL
+        self._rotation = part_way(self._rotation, alike, self._gain)
+        total, gravity = sum(self._shares), self._gravity
+        wrong = (
+            gravity > GRAVITY_SHARE > total,
+            total > WEIGHT_EXCESS * max(gravity, 1.0),
+            gravity < GRAVITY_SHARE < total,
+            math.hypot(*self._rotation) > FOOT_ROTATION,
+        )
+        if True not in wrong:
+            self._since = [0.0] * len(wrong)
+            return []
+        for i, is_wrong in enumerate(wrong):
+            begun = self._since[i] > 0.0 or self._calm >= CALM
+            self._since[i] = self._since[i] + self._dt if is_wrong and begun else 0.0
+        silent = [name for name, load in zip(self._names, loads, strict=True) if load < 0.02 * weight]
+        told = (
+            f"force sensor of {' or '.join(silent or self._names)} too low for the weight",
+            "force sensors too high for the weight",
+            "accelerometer without gravity",
+            "encoders and gyroscope disagree",
+        )
+        return [what for what, since in zip(told, self._since, strict=True) if since >= LASTING]
 
 
 def _common(rotations: Sequence[Vector]) -> Vector:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
+from wbc.core.estimation.foot import STILL
 from wbc.core.robot import GRAVITY
 
 MEMORY = 0.3
@@ -72,8 +73,6 @@ TURNING = 0.06
 
 OFFSET = 1.0
 """Time constant with which a lasting difference, an accelerometer's bias, is taken for normal, s."""
-
-STILL = (0.0, 0.0, 0.0)
 
 
 class LegComparison:
