@@ -100,6 +100,7 @@ class Observer:
         load_shares: Shares of the load that the feet bear; also of a foot that moves.
         sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
+        time: Time stamp of the last measurement, s; None before one.
     """
 
     @checked
@@ -184,7 +185,7 @@ class Observer:
         robot.update(q, np.zeros(robot.nv))
         self.inertial.reset(robot.placement(self._imu).rotation)
         self._position: Vector = tuple(robot.q[:3].tolist())
-        self._time: float | None = None
+        self.time: float | None = None
         self._q[:], self._v[:] = robot.q, robot.v
         if self._predictor is not None:
             self._predictor.reset()
@@ -203,11 +204,6 @@ class Observer:
         """Configuration, shape (nq,), and velocity, shape (nv,), at the last measurement; valid until the next one."""
         return self._q, self._v
 
-    @property
-    def time(self) -> float | None:
-        """Time stamp of the last measurement, s; None before one."""
-        return self._time
-
     def commanded(self, acceleration: Array, dt: float) -> None:
         """Take the acceleration, shape (nv,), of the command that is sent now for dt, s, to bridge known delays."""
         if self._predictor is not None:
@@ -215,7 +211,7 @@ class Observer:
 
     def resume(self, time: float) -> None:
         """Continue from another time stamp, s, without integrating over the gap."""
-        self._time = time
+        self.time = time
 
     def update(
         self,
@@ -241,9 +237,9 @@ class Observer:
         """
         if not plausible:
             self._check(measurement)
-        first = self._time is None
-        dt = 0.0 if self._time is None else measurement.time - self._time
-        self._time = measurement.time
+        first = self.time is None
+        dt = 0.0 if self.time is None else measurement.time - self.time
+        self.time = measurement.time
 
         inertial, gyro = self.inertial, measurement.angular_velocity
         imu_rate = self._move_joints(measurement)
@@ -308,7 +304,7 @@ class Observer:
                 raise MeasurementError(
                     f"measurement at {m.time} s: {name} must be finite, of shape {shape}, got {shown(value)}"
                 )
-        if not math.isfinite(m.time) or (self._time is not None and m.time < self._time):
+        if not math.isfinite(m.time) or (self.time is not None and m.time < self.time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
     def _bear(self, wrenches: Sequence[Vector], base: Rotation, dt: float, first: bool) -> list[float]:
