@@ -1,7 +1,7 @@
 """Free steps: the robot walks over stones of 60 mm on its own small feet, and is pushed.
 
-No footsteps are planned. Place and time of each step follow at every tick from the state of the robot, so that its
-steps keep the balance. The robot knows neither the ground nor the push.
+No footsteps are planned. Place and time of each step are decided anew from the state of the robot, about 170 times a
+second, so that its steps keep the balance. The robot knows neither the ground nor the push.
 """
 
 from __future__ import annotations
