@@ -1,14 +1,13 @@
 """Journal of a sweep: one line of JSON for each trial that has ended, appended and never changed.
 
-    {"key": …, "spec": …, "version": …, "status": …, "result": …, "clock": …, "error": …, "ended": …, "sum": …}
+    {"key": …, "spec": …, "version": …, "status": …, "result": …, "clock": …, "error": …, "ended": …}
 
 `key` is a hash of spec and version: the same trial by the same code has the same key, and a sweep that finds it does
-not run it again. `result` depends on spec and code alone; `clock` holds wall-clock timings. `sum` is a hash of the
-line. A later line with the same key replaces an earlier one.
+not run it again. `result` depends on spec and code alone; `clock` holds wall-clock timings. A later line with
+the same key replaces an earlier one.
 
 A process that is killed in the middle of a line leaves a torn one: it is cut off when the journal is next opened for
-writing, and skipped by readers. Line ends of other systems, byte order marks and journals that were joined without a
-line end between them are read. One process at a time writes; any number reads.
+writing, and skipped by readers. One process at a time writes; any number reads.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ import logging
 import lzma
 import math
 import os
-import re
 import sys
 import time
 from collections.abc import Mapping
@@ -48,17 +46,8 @@ from wbc.sim.trial.spec import STAMPED
 PACKED = ".xz"
 """Ending of a compressed journal."""
 
-LARGEST = 2**28
-"""Largest size that a compressed journal unpacks to, bytes."""
-
 BEGIN = b'{"clock":'
 """Begin of each line: keys are sorted."""
-
-_ENDS_OF_LINES = re.compile(rb'\n|(?<=\})(?=(?:\xef\xbb\xbf)?\{"clock":)')
-"""Ends of lines, also one that is missing between two entries: in a text of an entry, quotes have a backslash."""
-
-ENDS = b"\r\n\t \xef\xbb\xbf"
-"""Characters that editors, git and other systems put around a line: blanks, another line end, a byte order mark."""
 
 SYNC_TIME = 1.0
 """Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process
@@ -110,9 +99,7 @@ class Entry:
 
     def line(self) -> bytes:
         """Return the entry as a line of the journal."""
-        data = {"key": self.key, **to_json(self)}
-        total = hashlib.sha256(canonical(data).encode(errors="replace")).hexdigest()[:16]
-        return canonical(data | {"sum": total}).encode(errors="replace") + b"\n"
+        return canonical({"key": self.key, **to_json(self)}).encode(errors="replace") + b"\n"
 
 
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
@@ -176,41 +163,34 @@ def read_journal(path: Path | str, *, any_code: bool = False) -> dict[str, Entry
 
 def _read(path: Path | str) -> tuple[dict[str, Entry], int]:
     """Return the entries of a file by key, and the length of a torn last line, bytes."""
-    packed = Path(path).suffix == PACKED
     try:
-        with decoding(path, "journal", largest=LARGEST if packed else sys.maxsize) as file:
-            with lzma.open(file) if packed else file.open("rb") as stream:
-                content = stream.read(LARGEST + 1 if packed else -1)
-            if packed and len(content) > LARGEST:
-                raise InputError(f"{path} unpacks to more than {LARGEST} bytes; unpack it with `xz -dk`")
+        with decoding(path, "journal", largest=sys.maxsize) as file:
+            content = file.read_bytes()
+            content = lzma.decompress(content) if file.suffix == PACKED else content
     except InputError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             return {}, 0
         raise JournalError(f"journal {error}") from error
-    *lines, last = _ENDS_OF_LINES.split(content)
-    rest = last.strip(ENDS)
-    if not rest or _entry(rest) is not None:  # nothing, or whole without the end of its line
-        lines, last, rest = [*lines, rest], b"", b""
-    found = {number: _entry(line.strip(ENDS)) for number, line in enumerate(lines, 1) if line.strip(ENDS)}
+    *lines, last = content.split(b"\n")
+    if not last or _entry(last) is not None:  # nothing, or whole without the end of its line
+        lines, last = [*lines, last], b""
+    found = {number: _entry(line) for number, line in enumerate(lines, 1) if line.strip()}
     entries = {entry.key: entry for entry in found.values() if entry is not None}
-    if not entries and (found or not rest.startswith(BEGIN[: len(rest)])):
+    if not entries and (found or not last.startswith(BEGIN[: len(last)])):
         raise JournalError(f"{path} is no journal: none of its lines is an entry")
     if bad := [number for number, entry in found.items() if entry is None]:
         _log.warning("journal %s: %d damaged lines skipped, the first is line %d", path, len(bad), bad[0])
-    if rest:
+    if last:
         _log.info("journal %s: its last line is torn", path)
     return entries, len(last)
 
 
 def _entry(line: bytes) -> Entry | None:
-    """Return the entry of a line; None if it is none or was changed since it was written."""
+    """Return the entry of a line; None if it is none."""
     try:
         data = from_json(line)
-        rest = line.replace(f',"sum":"{data.pop("sum")}"'.encode(), b"", 1)
-        if f',"sum":"{hashlib.sha256(rest).hexdigest()[:16]}"'.encode() not in line:
-            return None
         del data["key"]
-        # The sum says that nothing has changed the line, not that its values mean anything.
+        data.pop("sum", None)  # of journals until 2026
         _Line.model_validate(data)
         return Entry(**data)
     except (ValueError, TypeError, KeyError, AttributeError):

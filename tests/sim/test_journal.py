@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import logging
 import lzma
@@ -91,23 +90,6 @@ def test_a_torn_last_line_is_cut_off_wherever_it_is_torn(
     assert path.read_bytes() == content + journal.entries[entry(5).key].line()
 
 
-@examples(40)
-@given(st.data())
-def test_entries_are_read_whatever_stands_around_their_lines(
-    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
-    """Editors, git and `cat` change line ends, add byte order marks and leave the last line end out."""
-    path = tmp_path_factory.mktemp("edited") / "journal.jsonl"
-    whole = [entry(number) for number in range(data.draw(st.integers(1, 4)))]
-    around = st.sampled_from([b"\n", b"\r\n", b"", b" \n\n", b"\n\xef\xbb\xbf", b"\xef\xbb\xbf"])
-    content = b"".join(one.line().rstrip() + data.draw(around) for one in whole)
-    path.write_bytes(data.draw(st.sampled_from([b"", b"\xef\xbb\xbf"])) + content)
-    assert list(read_journal(path).values()) == whole
-    with Journal(path) as journal:
-        journal.add(added := entry(5))
-    assert list(read_journal(path).values()) == [*whole, added]
-
-
 def test_the_key_of_today_is_found_for_specs_that_only_some_seeds_allow() -> None:
     """An oracle knows the ground of the seed 1, and not that of the seed 0."""
     spec = WalkSpec(
@@ -181,7 +163,8 @@ def test_entries_that_this_version_cannot_read_are_counted_where_any_code_is_tak
 def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "journal.jsonl"
     written(path, 3)
-    path.write_text(path.read_text().replace('"steps":1', '"steps":2', 1))
+    one, other, last = path.read_bytes().splitlines()
+    path.write_bytes(b"\n".join((one, other.replace(b'"done"', b""), last)))
     with caplog.at_level(logging.WARNING):
         left = read_journal(path)
     assert sorted(one.spec["seed"] for one in left.values()) == [0, 2]
@@ -333,14 +316,10 @@ def test_an_edited_robot_file_is_another_robot(tmp_path: Path) -> None:
 def test_a_line_whose_values_are_of_other_kinds_is_damaged(
     values: dict[str, Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its sum is right: that says nothing of what the values mean."""
     path = tmp_path / "journal.jsonl"
     entries = written(path, 1)
-    data = json.loads(entries[0].line()) | values
-    del data["sum"]
-    total = hashlib.sha256(canonical(data).encode()).hexdigest()[:16]
     with path.open("ab") as file:
-        file.write(canonical(data | {"sum": total}).encode() + b"\n")
+        file.write(canonical(json.loads(entries[0].line()) | values).encode() + b"\n")
     assert list(read_journal(path).values()) == list(read_journal(path, any_code=True).values()) == entries
     assert "1 damaged lines skipped, the first is line 2" in caplog.text
 
