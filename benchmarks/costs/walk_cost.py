@@ -18,8 +18,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
-
 from wbc.base.settings import to_json
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.task import Task
@@ -145,10 +143,8 @@ def time_case(name: str, spec: WalkSpec, repeats: int) -> dict[str, Any]:
     """Return the times of a walk on one core as plain values.
 
     Steps done and planned: a walk that falls early is no measure. `period_us` is the wall time of a control period, µs,
-    without clocks around its parts; the profile is that of walks of their own, scaled down to it. `collision_share` and
-    `constraint_share` are those of collision detection and contact forces in the physics.
+    without clocks around its parts; the profile is that of walks of their own, scaled down to it.
     """
-    shares = _physics_shares(spec)
     profile = min(
         (profile_walk(WalkTrial(spec)) for _ in range(repeats)),
         key=lambda rows: sum(row.us for row in rows),
@@ -165,25 +161,7 @@ def time_case(name: str, spec: WalkSpec, repeats: int) -> dict[str, Any]:
         "real_time_factor": factor,
         "period_us": period,
         "profile": [replace(row, us=period * row.share) for row in profile],
-        "collision_share": shares[0],
-        "constraint_share": shares[1],
     }
-
-
-def _physics_shares(spec: WalkSpec) -> tuple[float, float]:
-    """Return the shares of collision and constraints in MuJoCo's time, by its own timers, which slow it down."""
-    mujoco.set_mjcb_time(time.perf_counter)
-    try:
-        trial = WalkTrial(spec)
-        trial.run()
-    finally:
-        mujoco.set_mjcb_time(None)
-    timer, kinds = trial.plant.data.timer, mujoco.mjtTimer
-    whole = timer[kinds.mjTIMER_STEP].duration
-    return (
-        timer[kinds.mjTIMER_POS_COLLISION].duration / whole,
-        timer[kinds.mjTIMER_CONSTRAINT].duration / whole,
-    )
 
 
 def _time(

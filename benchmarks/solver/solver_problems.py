@@ -2,7 +2,8 @@
 
     python benchmarks/solver/solver_problems.py --ticks 10000 --repeat 1 --sample 100
 
-Facts are printed as JSON.
+A tick counts with the shortest time of all passes: ticks repeat bit for bit, while the machine's own pauses (14 in
+100,000 ticks, up to 30 ms, where this was written) fall on other ticks. Facts are printed as JSON.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ import logging
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable
 from time import thread_time
 from typing import Any
 
@@ -22,7 +22,6 @@ import numpy as np
 import qpsolvers
 from problem_streams import ProblemStream, least_violation
 
-from wbc.base.settings import Count, Seed, Share, settings, to_json
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.solving.solver import SolverSettings, standard_form
@@ -36,41 +35,10 @@ AGREEMENT = 1e-3
 """Largest difference between two solvers that counts as the same solution, m/s² and rad/s²."""
 
 
-@settings(kw_only=True)
-class BenchSolverOptions:
-    """Number and kind of the random problems.
-
-    Attributes:
-        ticks: Feasible problems to solve, over all robots.
-        robot: Robots that take turns: names that `wbc robots` lists, or files.
-        stream: Longest stream from one random start, ticks.
-        scattered: Share of streams whose every tick has a random state of its own.
-        sample: ProxQP solves the same problem from scratch every so many ticks.
-        solver: "auto" for the ladder; "proxqp", "daqp" or another solver that qpsolvers finds installed for all ticks.
-        seed: Seed of every random draw.
-        repeat: Number of passes over all problems. A tick's time is its shortest: ticks repeat bit for bit, while the
-            machine's own pauses (14 in 100,000 ticks, up to 30 ms, where this was written) fall on other ticks.
-    """
-
-    ticks: Count = 100_000
-    robot: tuple[str, ...] = names()
-    stream: Count = 1000
-    scattered: Share = 0.2
-    sample: Count = 50
-    seed: Seed = 0
-    repeat: Count = 2
-    solver: str = "auto"
-
-    def __post_init__(self) -> None:
-        SolverSettings(solver=self.solver)
-        for robot in self.robot:
-            load(robot)
-
-
 class _Tally:
     """Counts and times of one pass over the problems."""
 
-    def __init__(self, options: BenchSolverOptions) -> None:
+    def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
         self.tolerance = SolverSettings().residual_tolerance
         self.wall: list[float] = []
@@ -125,38 +93,30 @@ class _Tally:
         self.worst_difference = max(self.worst_difference, difference)
 
 
-def bench_solver(
-    options: BenchSolverOptions, *, progress: Callable[[int], None] | None = None
-) -> dict[str, Any]:
-    """Solve random problems until enough feasible ones are solved; `progress` gets the count after each stream.
+def bench_solver(options: argparse.Namespace) -> dict[str, Any]:
+    """Solve random problems until enough feasible ones are solved.
 
     A problem that was not solved goes to a linear program: if that, too, finds no point within the tolerance, the
     problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved. Of the
     plain values returned `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_proxqp` should be zero.
     """
-    passes: list[_Tally] = []
-    for done in range(options.repeat):
-
-        def report(ticks: int, done: int = done) -> None:
-            if progress is not None:
-                progress((done * options.ticks + ticks) // options.repeat)
-
-        passes.append(_pass(options, report))
-    tally = passes[0]
+    tally = _pass(options)
     first = np.array(tally.wall)
-    for again in passes[1:]:
+    for _ in range(options.repeat - 1):
+        again = _pass(options)
         tally.wall = list(np.minimum(tally.wall, again.wall))
         tally.cpu = list(np.minimum(tally.cpu, again.cpu))
     return _facts(tally, first)
 
 
-def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tally:
+def _pass(options: argparse.Namespace) -> _Tally:
     """Solve all problems once."""
     tally = _Tally(options)
     root = np.random.SeedSequence(options.seed)
     while len(tally.wall) < options.ticks:
         rng = np.random.default_rng(root.spawn(1)[0])
-        description = load(options.robot[tally.counts["streams"] % len(options.robot)])
+        robots = options.robot or names()
+        description = load(robots[tally.counts["streams"] % len(robots)])
         scattered = bool(rng.random() < options.scattered)
         stream = ProblemStream(
             description, rng, scattered=scattered, solver=SolverSettings(solver=options.solver)
@@ -170,7 +130,7 @@ def _pass(options: BenchSolverOptions, progress: Callable[[int], None]) -> _Tall
             gc.enable()
         tally.solvers.update(stream.controller.solver_counts)
         tally.counts["switches"] += stream.switches
-        progress(len(tally.wall))
+        print(len(tally.wall), "ticks", file=sys.stderr)
     return tally
 
 
@@ -206,7 +166,7 @@ def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
             "problems": tally.counts["infeasible"],
             "least_violation": min(tally.violations, default=math.nan),
         },
-        "options": to_json(tally.options),
+        "options": vars(tally.options),
     }
 
 
@@ -217,21 +177,27 @@ def _percentiles(values: np.ndarray[Any, Any], shares: tuple[float, ...]) -> dic
 def main() -> None:
     """Run the benchmark and print its facts as JSON."""
     parser = argparse.ArgumentParser(
-        description=__doc__,
-        epilog=BenchSolverOptions.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    for name in ("ticks", "stream", "scattered", "sample", "seed", "repeat", "solver"):
-        default = getattr(BenchSolverOptions, name)
-        parser.add_argument(f"--{name}", type=type(default), default=default, help="default %(default)s")
-    options = BenchSolverOptions(**vars(parser.parse_args()))
+    for name, default, text in (
+        ("ticks", 100_000, "feasible problems to solve, over all robots"),
+        ("stream", 1000, "longest stream from one random start, ticks"),
+        ("scattered", 0.2, "share of streams whose every tick has a random state of its own"),
+        ("sample", 50, "ProxQP solves the same problem from scratch every so many ticks"),
+        ("seed", 0, "of every random draw"),
+        ("repeat", 2, "passes over all problems; a tick counts with its shortest time"),
+        ("solver", "auto", 'the ladder, or "proxqp", "daqp" or another one that qpsolvers finds'),
+    ):
+        parser.add_argument(
+            f"--{name}", type=type(default), default=default, help=f"{text}, default %(default)s"
+        )
+    parser.add_argument(
+        "--robot", action="append", help="robots that take turns; all built-in ones when none is given"
+    )
+    options = parser.parse_args()
     # Infeasible problems are expected here.
     logging.getLogger("wbc.core.qp.solving.solver").setLevel(logging.ERROR)
-    print(
-        json.dumps(
-            bench_solver(options, progress=lambda done: print(done, "ticks", file=sys.stderr)), indent=1
-        )
-    )
+    print(json.dumps(bench_solver(options), indent=1))
 
 
 if __name__ == "__main__":

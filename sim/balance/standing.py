@@ -18,7 +18,7 @@ from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.trial.spec import TrialResult, TrialSpec
-from wbc.sim.trial.trial import Trial, TrialHook
+from wbc.sim.trial.trial import AnyTrial, Trial, TrialHook
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.control import WalkingControl
 from wbc.walking.settings import WalkingControlSettings
@@ -97,7 +97,7 @@ class StandResult(TrialResult):
     control_period: float
 
 
-class StandTrial(Trial):
+class StandTrial(Trial[WalkingControl | DriveControl, StandResult]):
     """One stand about to begin: plant and controller, connected."""
 
     @checked
@@ -140,7 +140,7 @@ class StandTrial(Trial):
             real_time_factor=self.real_time_factor,
             tick_us=self.tick_us(),
             seconds=self.plant.time,
-            steps_taken=self.control.steps_done if spec.steps == "allowed" else 0,
+            steps_taken=self.control.steps_done if isinstance(self.control, WalkingControl) else 0,
             failures=self.drives.failures,
             noise=spec.noise,
             foot=spec.foot,
@@ -157,7 +157,7 @@ class Sway(TrialHook):
         self.com: list[Array] = []
         self.zmp: list[Array] = []
 
-    def after(self, trial: Trial) -> None:
+    def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         truth = trial.plant.truth()
         self.com.append(truth.com)

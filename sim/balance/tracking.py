@@ -97,10 +97,8 @@ class TrackResult(TrialResult):
     tick_us: dict[str, float]
 
 
-class TrackTrial(Trial):
+class TrackTrial(Trial[WalkingControl, TrackResult]):
     """One clip about to be tracked: plant and controller with its references (`source`), connected."""
-
-    control: WalkingControl
 
     @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = True) -> None:

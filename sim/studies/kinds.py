@@ -9,7 +9,7 @@ from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial
 from wbc.sim.balance.tracking import MotionSpec, TrackResult, TrackTrial
 from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
-from wbc.sim.trial.trial import Trial
+from wbc.sim.trial.trial import AnyTrial
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -37,7 +37,7 @@ def track_outcome(spec: MotionSpec, check: TimeoutCheck) -> Outcome:
     return _outcome(TrackTrial(spec.clip(), spec, visuals=False), check)
 
 
-def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
+def _outcome(trial: AnyTrial, check: TimeoutCheck) -> Outcome:
     """Run a trial, and split its result into what follows from the spec and what the clock said."""
     try:
         result: dict[str, Any] = to_json(trial.run([TimeoutHook(check)]))

@@ -24,7 +24,7 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -39,6 +39,8 @@ from wbc.sim.trial.threads import one_thread
 from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]
+ControlT = TypeVar("ControlT", bound=Control)
+ResultT = TypeVar("ResultT")
 
 _log = logging.getLogger(__name__)
 
@@ -67,7 +69,8 @@ class TrialTick:
 class TrialHook:
     """Hook of a trial, called in every tick: an observer, a recorder or a scenario.
 
-    A hook of your own overrides the methods that it needs.
+    A hook of your own overrides the methods that it needs, and names in their annotations the kind of trial and of
+    result that it is for.
 
     The result is the same with any hooks that only observe.
     """
@@ -88,8 +91,10 @@ class TrialHook:
         """Act once after the last tick, with the result; None if the trial has none, or has raised an exception."""
 
 
-class Trial:
-    """Trial: a robot in the simulator and its controller, connected. Each trial runs once.
+class Trial(Generic[ControlT, ResultT]):
+    """Trial of a kind of control, with a kind of result: a robot in the simulator and its controller, connected.
+
+    Each trial runs once.
 
     Attributes:
         plant: The plant.
@@ -113,22 +118,23 @@ class Trial:
     def __init__(
         self,
         plant: Simulation | Any,
-        control: Control,
+        control: ControlT,
         limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:
         """Connect plant and controller.
 
         Args:
-            plant: The plant.
+            plant: The plant, or a loop of your own with the parts of a `Simulation` that the trial uses.
             control: The controller.
             limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
+        check_parts("a control", control, "command", "check_period")
         control.check_period(plant.control_period)
         self.plant = plant
-        self.control: Any = control
+        self.control = control
         self.meters: list[TrialHook] = []
         self.hooks: list[TrialHook] = []
         self.scenario = list(scenario)
@@ -144,7 +150,8 @@ class Trial:
     @property
     def drives(self) -> DriveControl:
         """Drives of the controller, with its observer."""
-        drives: DriveControl = self.control.drives
+        drives = self.control.drives
+        assert drives is not None
         return drives
 
     @property
@@ -170,7 +177,7 @@ class Trial:
         """Return why the robot has fallen, by its controller or by the true state; None if it has not fallen."""
         return self.control.fallen or (None if self.plant.diverged else self.true_fall())
 
-    def run(self, hooks: Sequence[TrialHook] = ()) -> Any:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> ResultT:
         """Run a trial that has an end, and return its result; a trial can run only once.
 
         Args:
@@ -197,8 +204,9 @@ class Trial:
         """Advance to the end; each kind of trial overrides it."""
         raise InputError("a trial of one's own has no end: `advance` or `until`, within `running`")
 
-    def result(self) -> Any:
-        """Return the result after the end; each kind of trial overrides it."""
+    def result(self) -> ResultT:
+        """Return the result after the end; each kind of trial that has one overrides it."""
+        return None  # type: ignore[return-value]
 
     def stop(self) -> None:
         """End the trial after its next tick; it can be called from a signal handler."""
@@ -285,7 +293,7 @@ class Trial:
         Raises:
             StageError: The robot does not reach the end of the plan, because a step is refused or takes too long.
         """
-        control = self.control
+        control: Any = self.control
         control.follow(plan)
         self.advance(1.0, look)
         self.until(lambda: bool(control.done), 3.0 * (len(plan) + 4), look)
@@ -360,3 +368,7 @@ class Trial:
         start = time.perf_counter()
         yield
         self.hook_time += time.perf_counter() - start
+
+
+AnyTrial = Trial[Any, Any]
+"""Trial of any control with any result."""

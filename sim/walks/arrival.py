@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array, finite_array
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.trial import Trial, TrialHook
+from wbc.sim.trial.trial import AnyTrial, TrialHook
 
 GOAL_DISTANCE = 0.5
 """Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands
@@ -39,7 +39,7 @@ class Arrival(TrialHook):
         ).T.copy()
         self._squares = np.maximum(self._along**2 + self._aside**2, 1e-12)
 
-    def after(self, trial: Trial) -> None:
+    def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         if trial.diverged is None:
             self.update(middle(trial.plant))

@@ -19,7 +19,7 @@ from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
-from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
+from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import TOUCHED, Event, GaitPhase
@@ -148,7 +148,7 @@ class WalkMeter(TrialHook):
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 
-    def after(self, trial: Trial) -> None:
+    def after(self, trial: AnyTrial) -> None:
         """Record torques and work of the joints, after the plant has moved on."""
         del trial
         plant, torque = self._plant, self._plant.joint_torque

@@ -15,7 +15,7 @@ from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, Number, settings
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.trial.trial import Trial, TrialHook
+from wbc.sim.trial.trial import AnyTrial, TrialHook
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
@@ -239,7 +239,7 @@ class Drive(TrialHook):
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking
 
-    def before(self, trial: Trial) -> None:
+    def before(self, trial: AnyTrial) -> None:
         """Command the velocity that is due."""
         while self._pending and trial.plant.time >= self._pending[0][0] - ROUNDING:
             self._walking.velocity = self._pending.pop(0)[1:]

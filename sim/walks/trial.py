@@ -97,7 +97,7 @@ def walk(
     return result
 
 
-class WalkTrial(Trial):
+class WalkTrial(Trial[Any, WalkResult]):
     """Trial of one walk: plant and controller, connected.
 
     Attributes:

@@ -23,9 +23,9 @@ from wbc.walking.steered import SteeredControl
 if TYPE_CHECKING:
     from wbc.app.repeat import RepeatWalk
     from wbc.app.view.base import View
-    from wbc.sim.trial.trial import Trial, TrialTick
+    from wbc.sim.trial.trial import AnyTrial, TrialTick
 
-TrialT = TypeVar("TrialT", bound="Trial")
+TrialT = TypeVar("TrialT", bound="AnyTrial")
 ResultT = TypeVar("ResultT")
 
 Port = Annotated[int, Field(ge=0, le=65535)]
@@ -108,7 +108,7 @@ class LiveDrive(LiveView):
 
 
 def with_changes(
-    hooks: Sequence[View | RepeatWalk], trial: Trial, result: dict[str, Any], text: str
+    hooks: Sequence[View | RepeatWalk], trial: AnyTrial, result: dict[str, Any], text: str
 ) -> tuple[dict[str, Any], str]:
     """Return result and text with changes and end by Ctrl-C of a run, which then is not that of its options."""
     changes = [
@@ -120,13 +120,13 @@ def with_changes(
     return result | {"interactive": bool(changes)} | ({"interventions": changes} if changes else {}), text
 
 
-def ending(trial: Trial) -> list[dict[str, Any]]:
+def ending(trial: AnyTrial) -> list[dict[str, Any]]:
     """Return the end of a run by Ctrl-C as an intervention; empty before, and for a run that ends by itself."""
     return [] if trial.last is None else [{"time": trial.last, "what": END}]
 
 
 @contextmanager
-def shown_progress(trial: Trial, *, watched: bool) -> Iterator[None]:
+def shown_progress(trial: AnyTrial, *, watched: bool) -> Iterator[None]:
     """Show how far a trial has come on a terminal, unless a page shows it."""
     console = progress_console()
     if watched or not console.is_terminal:
@@ -155,7 +155,7 @@ class ProgressLine(TrialHook):
 
 
 @contextmanager
-def ended_by_interrupt(trial: Trial) -> Iterator[None]:
+def ended_by_interrupt(trial: AnyTrial) -> Iterator[None]:
     """Let Ctrl-C end a trial with its next tick, as an end like another; a second one interrupts."""
 
     def stop(number: int, frame: object) -> None:

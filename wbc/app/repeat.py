@@ -18,7 +18,7 @@ from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import WalkSpec
 
 if TYPE_CHECKING:
-    from wbc.sim.trial.trial import Trial, TrialTick
+    from wbc.sim.trial.trial import AnyTrial, TrialTick
     from wbc.sim.walks.trial import WalkTrial
 
 NOT_COMPARED = ("tick/", "stiffness/computing", "view/change")
@@ -81,7 +81,7 @@ class RepeatWalk(TrialHook):
         assert self.controls is not None
         self.controls.update(tick.plant.time)
 
-    def after(self, trial: Trial) -> None:
+    def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         if trial.plant.time > self._end - 0.5 * trial.plant.control_period:
             trial.stop()

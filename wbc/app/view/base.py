@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from wbc.app.view.controls import LiveControls
     from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
-    from wbc.sim.trial.trial import Trial, TrialTick
+    from wbc.sim.trial.trial import AnyTrial, TrialTick
 
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
@@ -127,7 +127,7 @@ class View(TrialHook, ABC):
         self._due = self._time = 0.0  # clock and simulated time of the last tick
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._port, self._wait, self._opened, self.stays = port, wait, False, False
-        self._trial: Trial | None = None
+        self._trial: AnyTrial | None = None
         if source is not None:
             self.show(source, control, program)
 
@@ -149,7 +149,7 @@ class View(TrialHook, ABC):
 
     # ---- as a hook of a trial ---------------------------------------------------------------------------------------
 
-    def show_trial(self, trial: Trial) -> None:
+    def show_trial(self, trial: AnyTrial) -> None:
         """Show a trial before it starts, to learn early whether the port is free.
 
         Of a simulation without a model of MuJoCo's the robot alone is shown.
@@ -160,7 +160,7 @@ class View(TrialHook, ABC):
         else:
             self.show(plant.description)
 
-    def start(self, trial: Trial) -> None:
+    def start(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         if self._trial is not trial:
             self.show_trial(trial)
