@@ -28,7 +28,7 @@ REFUSED = {
     "stand --port 7000": "--view",
     "stand --port 7000 --view mujoco": "workbench",
     "stand --view window": "mujoco",
-    "stand --view": "rerun",
+    "stand --view": "requires an argument",
     "stand --workbench": "--workbench",
     "walk --drive --view meshcat": "workbench",
     "view run.arrow --speed 2": "film",
