@@ -190,13 +190,6 @@ BROKEN = {
     "pointer.obj": (LFS, "git lfs pull"),
     "pointer.dae": (LFS, "git lfs pull"),
     "empty.stl": ("", "empty"),
-    "page.stl": ("<!DOCTYPE html><html></html>", "web"),
-    "cut.stl": (stl(CORNERS)[:-60], "cut off"),
-    "short.stl": (b"404: Not Found", "cut off"),
-    "text.stl": (text_stl(CORNERS)[:-200], "cut off"),
-    "cut.obj": (obj(CORNERS)[:60], "cut off"),
-    "cut.dae": (dae(CORNERS, "")[:-300], "cut off"),
-    "nan.stl": (stl(CORNERS * np.nan), "no numbers"),
 }
 
 
