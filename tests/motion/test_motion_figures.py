@@ -13,7 +13,6 @@ import pytest
 from made_person import make_person
 from scipy.spatial.transform import Rotation
 
-import wbc.motion
 from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
@@ -461,8 +460,3 @@ def test_accelerations_are_second_differences_at_rest_before_and_after(robot: Ro
     first, last = (com[1] - com[0]) * 2500.0, (com[-2] - com[-1]) * 2500.0
     np.testing.assert_allclose(motion.acceleration()[[0, -1]], [first, last], atol=1e-9)
     np.testing.assert_allclose(motion.turning(), np.tile((0.3, -0.1, 0.2), (40, 1)), atol=1e-9)
-
-
-def test_a_name_that_the_room_has_not_is_told_with_the_one_that_is_meant() -> None:
-    with pytest.raises(AttributeError, match="'wbc.motion' has no attribute 'MotionClipp'.*MotionClip"):
-        getattr(wbc.motion, "MotionClipp")  # noqa: B009 - the type checker knows that it is not there

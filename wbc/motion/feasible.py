@@ -44,6 +44,10 @@ DRAWING, STRAIGHTENING, HELD = 10, 5, 0.01
 """Most passes that draw in an arm, and that turn the trunk up, until the joints can hold them; excess of the torques of
 arms that is left."""
 
+GIVING, FADING, SINKING = 0.3, 0.1, (0.6, 0.15)
+"""Time about an excess in which arms, trunk or pace give way, and standard deviation with which they fade, s; both for
+a centre of mass that sinks where legs are too short."""
+
 HOLD, EASE = 0.5, 0.4
 """Time at rest at both ends, and time in which the motion starts from rest and comes to rest, s."""
 
@@ -116,7 +120,7 @@ def make_feasible(
     before = check_motion(robot, resampled, share=share, friction=friction)
     smooth = _drawn_in(robot, _smooth(robot, resampled), share)
     speed = abs(np.gradient(smooth.joints, 1.0 / RATE, axis=0))
-    pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, 0.3, 0.05)
+    pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, GIVING, 0.5 * FADING)
     for attempt in range(STRETCHES + 1):
         eased, source = _retimed(smooth, pace)
         motion, standing, shortened = _balanced(robot, eased, share)
@@ -166,7 +170,7 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
         if not heavy:
             break
         for arm in heavy:
-            part = 1.0 / _envelope(excess[:, arm].max(axis=1), 1.0, 0.3, 0.1)[:, None]
+            part = 1.0 / _envelope(excess[:, arm].max(axis=1), 1.0, GIVING, FADING)[:, None]
             columns = [7 + joint for joint in arm]
             q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
     return replace(clip, joints=q[:, 7:])
@@ -187,7 +191,7 @@ def _slowed(pace: Array, times: Array) -> Array:
 
 def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:
     """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends."""
-    slowed = _integral(gaussian_filter1d(pace, 0.1 * RATE, mode="nearest")) / RATE
+    slowed = _integral(gaussian_filter1d(pace, FADING * RATE, mode="nearest")) / RATE
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
     t = np.linspace(0.0, slowed[-1] + EASE, round((slowed[-1] + EASE) * RATE) + 1)
     way = _integral(smoothstep(t / EASE) * smoothstep((t[-1] - t) / EASE))
@@ -230,7 +234,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
         if abs(needed).max() < OUTSIDE and low.max() < LOW:
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
-        com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, 0.6, 0.15)
+        com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, *SINKING)
     result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
     # takes soles off their places by half a millimetre, too: the legs bring them back.
@@ -267,7 +271,7 @@ def _straightened(robot: Robot, q: Array, share: float) -> Array:
         excess = BodyMotion.of(robot, q, RATE).torque_share(robot).max(axis=1) / share
         if (excess <= 1.0).all():
             break
-        turns = 1.0 / _envelope(excess, 1.0, 0.3, 0.1) - 1.0
+        turns = 1.0 / _envelope(excess, 1.0, GIVING, FADING) - 1.0
         for i in np.flatnonzero(turns < -1e-3):
             pin.framesForwardKinematics(robot.model, data, q[i])
             x, y, z = data.oMf[torso].rotation @ up

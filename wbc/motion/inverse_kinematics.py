@@ -26,6 +26,11 @@ ITERATIONS, SMALL = 12, 1e-6
 """Most steps of a frame, and the error at which it ends, rad and m."""
 
 
+def searching(robot: Robot) -> InverseKinematics:
+    """Return inverse kinematics of a copy of a robot, for searches alone: its period has no effect on them."""
+    return InverseKinematics(robot.clone(), 0.01)
+
+
 def inverse_kinematics(
     robot: Robot,
     margin: float,
@@ -43,7 +48,7 @@ def inverse_kinematics(
     """
     result = (q if start is None else start).copy()
     weights = SWING * (STANCE / SWING) ** standing
-    ik = InverseKinematics(robot.clone(), 0.01)
+    ik = searching(robot)
     robot = ik.robot
     feet = [PoseTask(sole.frame) for sole in robot.soles[:2]]
     trunk = [OrientationTask(frame, weight=ORIENTATION) for frame in robot.trunk_frames]
@@ -71,7 +76,7 @@ def planted(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array, fad
     `fade`, in which the correction fades. A leg that cannot reach its place stays as it is.
     """
     result = q.copy()
-    ik = InverseKinematics(robot.clone(), 0.01)
+    ik = searching(robot)
     robot = ik.robot
     feet = [PoseTask(sole.frame) for sole in robot.soles[:2]]
     legs = set(robot.leg_joints)

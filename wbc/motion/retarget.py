@@ -24,13 +24,13 @@ from scipy.ndimage import gaussian_filter1d
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.robot import SIDES, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import always_standing, touching
 from wbc.motion.footsteps import footsteps
+from wbc.motion.inverse_kinematics import SMALL, searching
 from wbc.motion.kinematics import BodyMotion, Soles
 from wbc.motion.measures import MotionMeasures, measure
 from wbc.motion.skeleton import SkeletonClip
@@ -56,8 +56,12 @@ of the trunk (rad²), places of elbow and hand (m²), joints, and joints of the 
 MARGIN = 0.05
 """Distance to the joint limits, rad."""
 
-ITERATIONS, FIRST, SMALL = 30, 200, 1e-6
-"""Most steps of a frame, and of the first one; error at which they end, rad and m."""
+ITERATIONS, FIRST = 30, 200
+"""Most steps of a frame, and of the first one."""
+
+ON_END, TIPPED = 0.3, 0.8
+"""Share of a person's foot that is level, up to which its toe says nothing of its heading (from twice as much on, all);
+greatest sine of the pitch of a foot."""
 
 JUMP = 12.0
 """Greatest speed of the hips, in lengths of the legs per second: beyond it, frames of two motions follow each other."""
@@ -217,11 +221,11 @@ def _soles(robot: Robot, parts: Mapping[str, Array], lift: Array) -> list[Soles]
         if lift.shape[2] == 2:  # both toes are known
             foot = parts[f"{side}_toe"] - parts[f"{side}_ankle"]
             level = np.hypot(foot[:, 0], foot[:, 1])
-            seen = np.clip(level / np.linalg.norm(foot, axis=1) - 0.3, 0.0, 0.3) / 0.3  # not of a foot on end
+            seen = np.clip(level / np.linalg.norm(foot, axis=1) - ON_END, 0.0, ON_END) / ON_END
             turn = np.angle(np.exp(1j * (np.arctan2(foot[:, 1], foot[:, 0]) - facing)))
             yaw = facing + seen * turn
             size = float(np.median(np.linalg.norm(foot, axis=1)))
-            pitch = np.arcsin(np.clip((lift[:, number, 0] - lift[:, number, 1]) / size, -0.8, 0.8))
+            pitch = np.arcsin(np.clip((lift[:, number, 0] - lift[:, number, 1]) / size, -TIPPED, TIPPED))
         height = lift[:, number].min(axis=1).clip(0.0)
         feet.append(
             [
@@ -340,7 +344,7 @@ class _Follower:
 
     def __init__(self, robot: Robot, legs: _Legs) -> None:
         """Make all tasks for a copy of the robot."""
-        self._ik, self._legs = InverseKinematics(robot.clone(), 0.01), legs
+        self._ik, self._legs = searching(robot), legs
         self._robot = robot = self._ik.robot
         self._ik.update(robot.half_sitting)
         base, torso = robot.base_frame, robot.torso_frame

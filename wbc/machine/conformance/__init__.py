@@ -127,7 +127,7 @@ def _clock(s: Session) -> str:
         f"{rate:.0f} Hz of {1e3 / period:.0f} Hz stated, period {mean:.3f} ms, worst {worst:.3f} ms off",
         still=steps.min() < 0.0 or mean <= 0.0,
         milliseconds=abs(mean / period - 1000.0) < 100.0,
-        rate=not 0.95 < mean / period < 1.05,
+        rate=not s.right("clock", mean / period),
         jitter=worst >= 0.5 * period,
     )
     return ""

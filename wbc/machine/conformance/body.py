@@ -43,7 +43,7 @@ def imu(s: Session) -> str:
     size = float(np.linalg.norm(turns.seen) / np.linalg.norm(turns.made))
     degrees = abs(size / DEGREES - 1.0) < 0.5
     found = f"{size:.2f} of the turns made"
-    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not 0.5 < size < 1.6)
+    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not s.right("gyroscope", size))
     if not s.good("accelerometer", "gyroscope"):
         return "gyroscope or accelerometer has another unit"
     _judge_frame(s, turns, size, along)
@@ -85,7 +85,10 @@ def _judge_frame(s: Session, turns: Turns, size: float, along: float) -> None:
     angle = np.degrees(np.linalg.norm(pin.log3(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)))
     tilts, felt = turns.tilts, turns.felt
     agree, tilt = np.trace(between) / 3.0, (tilts * felt)[:2].sum() / (tilts * tilts)[:2].sum()
-    level, turned = along > 0.97 and 0.5 < tilt < 1.6, agree <= 0.85  # level: gravity is where it should be
+    level, turned = (
+        along > 0.97 and s.right("IMU frame", tilt),
+        agree <= 0.85,
+    )  # level: gravity is where it should be
     s.check(
         "IMU frame",
         f"turns agree to {agree:.2f}, tilts to {tilt:.2f}, turned by {angle:.0f}°",
@@ -109,7 +112,7 @@ def wrenches(s: Session) -> str:
         "weight",
         f"normal forces are {share:.2f} of the weight",
         reversed=share < -0.5,
-        unit=abs(share - 1.0) >= 0.08 or least <= -0.05,
+        unit=not s.right("weight", share) or least <= -0.05,
     )
     (left, rest), (front, _) = (
         s.move(_base_motion(s, SHIFT * AXES[axis, :2], np.zeros(3))[0], SWAY_TIME) for axis in (1, 0)
@@ -135,7 +138,7 @@ def wrenches(s: Session) -> str:
         f"pressure moves {forward:.2f} and {sideways:.2f} of the way; it is {off[0]:+.0f}, {off[1]:+.0f} mm from the "
         f"centre of mass{edge}",
         reversed=forward < -0.2,
-        elsewhere=far or not 0.25 < forward < 2.5,
+        elsewhere=far or not s.right("wrench frame", forward),
     )
     return ""
 

@@ -1,4 +1,21 @@
-"""Checks by name, in the order of the report, and the probable causes of a wrong one, each with its symptom."""
+"""Checks by name, in the order of the report: the ratios of a good loop, and the probable causes of a wrong one."""
+
+RATIOS = {
+    "joint motion": (0.3, 2.5),
+    "joint velocity": (0.6, 1.4),
+    "torque": (0.5, 2.0),
+    "velocity reference": (0.4, 2.5),
+    "measured torque": (0.5, 1.5),
+    "gyroscope": (0.5, 1.6),
+    "IMU frame": (0.5, 1.6),
+    "weight": (0.92, 1.08),
+    "wrench frame": (0.25, 2.5),
+    "commanded gains": (0.2, 0.8),
+    "clock": (0.95, 1.05),
+}
+"""Check → range of the ratio of what is measured to what is asked for or to what the model says, in which it is right;
+half the gains are commanded. The ratio is 1, or 0.5, in a loop without friction, noise and delay: a wrong unit is
+farther off than the ends."""
 
 CAUSES = {
     "shapes": {
@@ -105,3 +122,4 @@ CAUSES = {
         "jitter": "time stamps jitter: those of the arrival, or samples are lost",
     },
 }
+"""Check → causes by their keys in `Session.check`, each with its symptom in a controller."""

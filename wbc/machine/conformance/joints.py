@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
+from wbc.machine.conformance.causes import RATIOS
 from wbc.machine.conformance.session import DEGREES, FreeMotion, Record, Session, settled
 
 STEP, TIME = 0.02, 0.1
@@ -20,9 +21,6 @@ less, of readings in degrees as well."""
 
 FOLLOWS, SOME = 0.15, 0.25
 """Share of its step from which on a joint follows, and share of joints that must follow for the others to be judged."""
-
-PROPER, RATE = (0.3, 2.5), (0.6, 1.4)
-"""Shares of its step that a joint may go, and of its way that the integral of its velocity may be."""
 
 STUCK, OFF = 25.0, 50.0
 """Share of moving samples that repeat the last one from which on sensors are read late, %; distance from half-sitting
@@ -127,7 +125,7 @@ def _judge_order(s: Session, steps: Steps) -> tuple[list[int], list[int]]:
 
 def _judge_motion(s: Session, steps: Steps, known: list[int]) -> None:
     """Judge direction and distance of each joint that follows its own steps."""
-    own, (least, most) = steps.share.diagonal(), PROPER
+    own, (least, most) = steps.share.diagonal(), RATIOS["joint motion"]
     turned = [i for i in known if own[i] < 0.0]
     # A joint of a leg that stands goes as far as the rest of the leg lets it.
     lax = s.free if s.standing else known
@@ -147,7 +145,7 @@ def _judge_velocity(s: Session, steps: Steps, known: list[int]) -> None:
     if np.isnan(rates).all():
         return s.unknown("joint velocity", "the joints do not follow")
     ratio = float(np.nanmedian(rates))
-    bad = [i for i in known if np.isfinite(rates[i]) and not RATE[0] < rates[i] < RATE[1]]
+    bad = [i for i in known if np.isfinite(rates[i]) and not s.right("joint velocity", rates[i])]
     s.check(
         "joint velocity",
         f"∫q̇ dt is {ratio:.2f} of the way" + (f"; odd: {s.some(bad)}" if bad else ""),
@@ -209,9 +207,13 @@ def torques(s: Session) -> str:
         share = float(np.nanmedian((pushed * kp / tau)[free]))
         drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
     found = f"τ = kp Δq to {share:.2f}"
-    s.check("torque", found, reversed=share < -0.05, ignored=not share > 0.05, gains=not 0.5 < share < 2.0)
+    s.check(
+        "torque", found, reversed=share < -0.05, ignored=not share > 0.05, gains=not s.right("torque", share)
+    )
     found = f"kd q̇_ref = kp Δq to {drag:.2f}"
-    s.check("velocity reference", found, reversed=drag < -0.1, ignored=not 0.4 < drag < 2.5)
+    s.check(
+        "velocity reference", found, reversed=drag < -0.1, ignored=not s.right("velocity reference", drag)
+    )
     torque = settled(s.rest["joint_torque"])[free]
     if not np.isfinite(torque).all():
         return "not measured"
@@ -222,7 +224,7 @@ def torques(s: Session) -> str:
         return "no joint beside the legs carries weight"
     slope = float(weight @ torque / (weight @ weight))
     found = f"{slope:.2f} of the weight that the joints carry"
-    s.check("measured torque", found, reversed=slope < -0.2, unit=not 0.5 < slope < 1.5)
+    s.check("measured torque", found, reversed=slope < -0.2, unit=not s.right("measured torque", slope))
     return ""
 
 
@@ -261,7 +263,7 @@ def commanded_gains(s: Session) -> str:
         return f"the loop takes none: {error}"
     stiffness = middle(pushed, softly_pushed)
     shares = {"kp": stiffness, "kd": stiffness * middle(softly_dragged, dragged)}
-    bad = " and ".join(name for name in judged if not abs(shares[name] - 0.5) < 0.3)
+    bad = " and ".join(name for name in judged if not s.right("commanded gains", shares[name]))
     found = "commanded halves: kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(
         shares
     )

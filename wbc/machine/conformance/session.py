@@ -14,7 +14,7 @@ from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk
-from wbc.machine.conformance.causes import CAUSES
+from wbc.machine.conformance.causes import CAUSES, RATIOS
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
 
@@ -105,6 +105,11 @@ class Session:
         """Add a check, which is wrong if a condition holds; the first one that does names one of its `CAUSES`."""
         cause = next((CAUSES[name][key] for key, holds in wrong.items() if holds), "")
         self.checks[name] = Check(name, "wrong" if cause else "ok", found, cause)
+
+    def right(self, name: str, ratio: float) -> bool:
+        """Return True if the ratio of a check is in its range; see `RATIOS`."""
+        low, high = RATIOS[name]
+        return low < ratio < high
 
     def unknown(self, name: str, why: str) -> None:
         """Add a check that cannot be made."""

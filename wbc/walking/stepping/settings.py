@@ -21,6 +21,9 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.gait import SwingShape
 from wbc.walking.plans.reach import SPANS, Leg
 
+APART = 1.25
+"""Least distance between the feet without disturbances, over that of soles a gap apart."""
+
 LONGEST = 1.1
 """Longest step of a velocity over the longest planned one, which both soles stand flat after."""
 
@@ -304,7 +307,7 @@ class SteppingSettings:
         """Return the settings for one robot in SI units; raise an `InputError` if such steps cannot be walked."""
         si = in_si(self, scale)
         inside = 2.0 * scale.sole[1] + si.gap  # distance of the feet whose soles are a gap apart
-        si = dataclasses.replace(si, width=max(si.width, 1.25 * inside), gap=inside)
+        si = dataclasses.replace(si, width=max(si.width, APART * inside), gap=inside)
         self._check(si, scale)
         return si
 

@@ -34,6 +34,9 @@ from wbc.walking.swing import RISE, SwingFoot
 LOOKS = 2
 """Number of decisions between two looks at the ground under a landing that moves with each of them."""
 
+ON_TIME = 0.05
+"""Part of a step by which a contact may be early or late and is on time."""
+
 HALF = 0.5
 """Part of the way up or down a stair by which the CoM rises or sinks before the foot lands: a leg reaches no deeper,
 and a knee that is bent further has no torque to spare."""
@@ -357,7 +360,7 @@ class SingleSupport:
         if self.met is None:
             if touch.bears(self.duration) and not self.rubs(asked, swing.landing):
                 self.met = elapsed
-                soon = 0.05 * self._s.step_time
+                soon = ON_TIME * self._s.step_time
                 return (touch_down(elapsed - self._touch_time(asked), soon, soon),)
         elif touch.loses(elapsed - self.met):
             self.met = None
