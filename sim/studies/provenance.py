@@ -1,11 +1,10 @@
-"""Version of the code that made a result: package, hash of its files, commit, and libraries with their requirements."""
+"""Version of the code that made a result: package, hash of its files, commit, and libraries."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import os
-import re
 import subprocess
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -21,20 +20,24 @@ LABEL = "git"
 PLUGINS = "wbc."
 """Beginning of the groups of entry points by which other packages offer robots, feet, grounds, policies and trials."""
 
-APART = frozenset(
-    (
-        "cyclopts",
-        "docstring-parser",
-        "lazy-loader",
-        "matplotlib",
-        "meshcat",
-        "pyarrow",
-        "rich",
-        "tornado",
-    )
+LIBRARIES = (
+    "coal",
+    "daqp",
+    "example-robot-data",
+    "joblib",
+    "mujoco",
+    "numpy",
+    "onnxruntime",
+    "pandas",
+    "pillow",
+    "pin",
+    "proxsuite",
+    "pydantic",
+    "qpsolvers",
+    "scikit-learn",
+    "scipy",
 )
-"""Requirements of the command line, the logs, the pages and the pictures. Every other one can change a result, and
-counts."""
+"""Libraries that can change a result."""
 
 
 @cache
@@ -50,7 +53,7 @@ def provenance() -> Mapping[str, Any]:
         "wbc": version.__version__,
         LABEL: _commit(root),
         "files": sources(root),
-        "libraries": libraries([*_own_names(), *plugins]),
+        "libraries": libraries({*LIBRARIES, *plugins} - {"wbc"}),
     }
 
 
@@ -68,24 +71,12 @@ def sources(root: Path) -> str:
 
 
 def libraries(names: Iterable[str]) -> dict[str, str]:
-    """Return the versions of installed packages and of all that they require, but for what is `APART`, by name."""
+    """Return the versions of packages by name, of those that are installed."""
     found: dict[str, str] = {}
-    pending = [*names]
-    while pending:
-        name = re.sub(r"[-_.]+", "-", re.split(r"[^\w.-]", pending.pop().strip(), maxsplit=1)[0]).lower()
-        if name in found or name in APART:
-            continue
-        with contextlib.suppress(metadata.PackageNotFoundError):  # of another platform
-            package = metadata.distribution(name)
-            found[name] = package.version
-            pending += [required for required in package.requires or () if "extra ==" not in required]
-    return dict(sorted(found.items()))
-
-
-def _own_names() -> list[str]:
-    """Return the name of this package; those of all that are installed if it runs from a folder and is not."""
-    installed = [package.name for package in metadata.distributions()]
-    return ["wbc"] if "wbc" in installed else installed
+    for name in sorted(names):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
 
 
 def _commit(root: Path) -> str | None:

@@ -9,8 +9,8 @@ import lzma
 import math
 import os
 import re
+import tomllib
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import APART, LABEL, differences, provenance, sources
+from wbc.sim.studies.provenance import LABEL, LIBRARIES, differences, provenance, sources
 from wbc.sim.studies.study import Cell, Study, left_out
 from wbc.sim.studies.study_table import study_frame, study_table
 
@@ -252,15 +252,23 @@ def test_every_file_of_the_package_is_in_the_version_and_nothing_else_is(tmp_pat
     assert {"base", "motion", "core", "sim"} <= set(rooms)
 
 
-def test_every_library_that_is_not_for_pictures_and_pages_is_in_the_version() -> None:
-    """Those that requirements require are, too: Coal comes with Pinocchio."""
+def test_every_library_that_can_change_a_result_is_in_the_version() -> None:
     found = provenance()["libraries"]
-    required = {
-        re.split(r"[^\w.-]", each)[0] for each in metadata.requires("wbc") or () if "extra ==" not in each
+    assert {"coal", "mujoco", "pin", "scipy"} <= set(found) and found["numpy"] == np.__version__
+    pages = {
+        "cyclopts",
+        "docstring-parser",
+        "lazy-loader",
+        "matplotlib",
+        "meshcat",
+        "pyarrow",
+        "rich",
+        "tornado",
     }
-    assert required >= APART and required - APART <= set(found)
-    assert {"coal", "eigenpy", "qpsolvers", "example-robot-data"} <= set(found)
-    assert found["numpy"] == np.__version__ and not set(found) & {"pytest", "ruff", *APART}
+    pages |= {"pydantic-core", "threadpoolctl"}
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    required = {re.split(r"[^\w.-]", each)[0] for each in project["dependencies"]}
+    assert required <= {*LIBRARIES} | pages and not set(found) & pages
 
 
 def test_the_commit_is_a_label_and_no_part_of_the_code() -> None:
