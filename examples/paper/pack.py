@@ -3,8 +3,8 @@
 Numbers of results get five significant digits, which halves the file. Specs, versions and keys stay as they are.
 """
 
+import argparse
 import lzma
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,17 @@ def pack(path: Path) -> Path:
     return packed
 
 
-if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        made = pack(Path(name))
+def main() -> None:
+    """Pack journals."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("journals", nargs="+", type=Path)
+    journals = parser.parse_args().journals
+    if missing := [str(journal) for journal in journals if not journal.is_file()]:
+        parser.error(f"no file: {', '.join(missing)}")
+    for journal in journals:
+        made = pack(journal)
         print(f"{made}: {made.stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main()
