@@ -37,7 +37,15 @@ QUICK_CHANGES = (("masses +30 %", "position"), ("hard tasks that contradict each
 
 
 ROOT = Path(__file__).parents[2]
-STUDIES = ("flat_floor", "pushed_walks", "rough_ground", "seeing", "stepping", "seeing_stairs", "push_recovery")
+STUDIES = (
+    "flat_floor",
+    "pushed_walks",
+    "rough_ground",
+    "seeing",
+    "stepping",
+    "seeing_stairs",
+    "push_recovery",
+)
 
 
 @pytest.mark.parametrize(
