@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import wbc.ground
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
 from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
 from wbc.ground.body import OwnBody
@@ -360,11 +359,6 @@ def test_slopes_and_loads_of_a_sole_are_the_same_to_both_sides() -> None:
     assert {tuple(load) for load in LOADS.T} == {tuple(-load) for load in LOADS.T}
     assert (LOADS[:, 0] == 0.0).all() and len({tuple(load) for load in LOADS.T}) == 5
     assert NOTHING < -100.0  # deeper than any ground, so that it carries nothing
-
-
-def test_a_name_that_the_room_has_not_is_told_with_the_one_that_is_meant() -> None:
-    with pytest.raises(AttributeError, match="'wbc.ground' has no attribute 'HeightMaps'.*HeightMap"):
-        getattr(wbc.ground, "HeightMaps")  # noqa: B009 - the type checker knows that it is not there
 
 
 @pytest.mark.parametrize(("std", "counts"), [(1.39 * 0.015, True), (1.41 * 0.015, False), (0.002, True)])

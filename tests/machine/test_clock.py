@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import wbc.machine
 from wbc.machine import clock, guard
 from wbc.machine.guard import BEAT, DAMP_PERIOD, watch
 from wbc.machine.loop import MachineError
@@ -214,8 +213,3 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
     assert clock.gc.isenabled()
     assert got.page_faults == (3, 50) and got.collections == 3
     assert calls == ([(0, 0, 0), "unlock"] if locks else [])
-
-
-def test_a_name_that_the_room_has_not_is_told_with_the_one_that_is_meant() -> None:
-    with pytest.raises(AttributeError, match="'wbc.machine' has no attribute 'Runer'.*Runner"):
-        getattr(wbc.machine, "Runer")  # noqa: B009 - the type checker knows that it is not there

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import wbc.sim
 from wbc import Plant
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
@@ -99,8 +98,3 @@ def test_a_command_is_for_the_period_of_its_simulation_or_a_multiple_of_it() -> 
         with pytest.raises(InputError, match=f"period of {1e3 * period:g} ms.* by 4 ms"):
             plant.step(Command(zero, period=period))
     assert plant.time == before == pytest.approx(0.016)
-
-
-def test_a_name_that_the_room_has_not_is_told_with_the_one_that_is_meant() -> None:
-    with pytest.raises(AttributeError, match="'wbc.sim' has no attribute 'WalkSpecs'.*WalkSpec"):
-        getattr(wbc.sim, "WalkSpecs")  # noqa: B009 - the type checker knows that it is not there
