@@ -403,7 +403,6 @@ def test_a_landing_that_is_seen_far_above_or_below_either_foot_is_a_stair(
 
 def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() -> None:
     gait = gait_on(LEVEL)
-    steering = gait.steering
     gait.footsteps = Footstep("left", 0.1, 0.11), Footstep("right", 0.2, -0.11)
     for held, climbs, time in (
         (0.0, 0.0, SETTINGS.step_time),
@@ -412,12 +411,12 @@ def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() 
         (1.0, 0.1, CONSTANTS.plan_time),
         (0.0, -0.1, SETTINGS.slow_time),
     ):
-        steering.held, steering.climbs = held, climbs
+        gait.steering.held, gait.stair = held, climbs
         gait._steer()
-        assert steering.step_time == pytest.approx(time, rel=0.02), "a little more for the length of the step"
+        assert gait.step_time == pytest.approx(time, rel=0.02), "a little more for the length of the step"
     gait.footsteps = ()
     gait._steer()
-    assert not steering.follows
+    assert gait.step_time == gait.steering.step_time
 
 
 @pytest.mark.parametrize("rise", [-0.1, 0.1])
@@ -431,5 +430,5 @@ def test_stairs_end_with_the_step_that_brings_both_feet_to_one_height(rise: floa
     for begun, feet in enumerate(((left, right), (onto, right), (onto, beside))):
         gait.steps_done, (left_foot, right_foot) = begun, (foot.placement for foot in feet)
         gait._plan_steps(beside.side if begun == 1 else onto.side, (left_foot, right_foot))
-        climbs.append(gait.steering.climbs)
+        climbs.append(gait.stair)
     assert climbs == pytest.approx([rise, rise, 0.0])

@@ -66,6 +66,7 @@ class SteppingWalk(ReferenceSource):
         stand: Both feet on the ground.
         step: The step, on one foot.
         footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
+        stair: Height to the next stair of these, up or down, m; 0 on the level.
         time: Time since the gait began, s.
         steps_done: Steps that have ended with a foot on the ground.
     """
@@ -130,6 +131,8 @@ class SteppingWalk(ReferenceSource):
         self.time, self.steps_done = 0.0, 0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
+        self.stair = 0.0
+        self._along = False  # steps take the time of footsteps, from the shift of the weight before them on
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
@@ -155,6 +158,11 @@ class SteppingWalk(ReferenceSource):
     def fast_share(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one."""
         return 0.0 if self.footsteps else self.steering.fast_share
+
+    @property
+    def step_time(self) -> float:
+        """Time T of a step now, s."""
+        return self.steering.plan_time(self.stair) if self._along else self.steering.step_time
 
     @property
     def granted(self) -> Velocity:
@@ -198,6 +206,7 @@ class SteppingWalk(ReferenceSource):
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
         felt, state = self.felt, self.felt.state
         if not self.footsteps:
+            self._along = False
             self._stay_on_ground()
             self.steering.turn_with(state.heading)
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
@@ -205,7 +214,8 @@ class SteppingWalk(ReferenceSource):
         (a, _, _), (b, _, _), _ = state.turns[felt.stance]
         ahead, _ = along(self.steering.direction, landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
-        velocity = ahead / self.steering.step_time if going else 0.0
+        velocity = ahead / self.step_time if going else 0.0
+        self._along = True
         self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
         return StepVelocity((velocity, 0.0), going)
 
@@ -219,7 +229,7 @@ class SteppingWalk(ReferenceSource):
             heading=s.heading,
             direction=s.direction,
             turn=s.turn,
-            time=s.step_time,
+            time=self.step_time,
         )
 
     def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
@@ -230,7 +240,7 @@ class SteppingWalk(ReferenceSource):
         elif felt.phase is GaitPhase.STANDING:
             now = self.stand.standing()
         else:
-            now = self.stand.shifting(steering.direction, steering.step_time)
+            now = self.stand.shifting(steering.direction, self.step_time)
         high, speed = self.height.rise(state.com[2] - now.level)
         pendulum = self.height.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
         laden = state.mass / self.scale.mass  # by what it holds
@@ -252,7 +262,7 @@ class SteppingWalk(ReferenceSource):
         swing = felt.swing if felt.phase is GaitPhase.SINGLE else None
         if swing is None:
             shifts = felt.phase is GaitPhase.DOUBLE
-            duration, cycle = self.stand.duration if shifts else 0.0, self.steering.step_time
+            duration, cycle = self.stand.duration if shifts else 0.0, self.step_time
         else:
             duration, cycle = step.duration, step.nominal
         return Progress(
@@ -305,9 +315,9 @@ class SteppingWalk(ReferenceSource):
     def _shift(self) -> tuple[Event, ...]:
         """Begin to shift the weight over the foot that will stand."""
         stance = self.felt.stance
-        if self.footsteps:
+        self._along = bool(self.footsteps)
+        if self._along:
             stance = 1 - SIDES.index(self.footsteps[0].side)
-            self.steering.follow_footsteps()
         self.stand.shift(self.footsteps)
         self.felt.enter(GaitPhase.DOUBLE, stance)
         return (Event.STARTED,)
@@ -319,10 +329,11 @@ class SteppingWalk(ReferenceSource):
 
         A robot that walks already has a foot that has been in the air for a time, s; another foot was kicked away.
         """
-        out = SetOff(self.steering.step_time, walks is not None, kicked)
+        out = SetOff(self.step_time, walks is not None, kicked)
+        self._along = False
         self.steering.rest(self._middle())
         # A foot may land in the second half of its step.
-        elapsed = 0.0 if walks is None else min(walks, 0.5 * self.steering.step_time)
+        elapsed = 0.0 if walks is None else min(walks, 0.5 * self.step_time)
         self._lift(stance, frames, elapsed, out)
         return (Event.LIFT_OFF,)
 
@@ -330,7 +341,7 @@ class SteppingWalk(ReferenceSource):
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
         self.felt.enter(GaitPhase.SINGLE, stance, elapsed)
         self._plan_steps(SIDES[1 - stance], frames)
-        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.steering.climbs), out=out)
+        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.stair), out=out)
 
     def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
@@ -344,6 +355,7 @@ class SteppingWalk(ReferenceSource):
         near = slow and state.apart() < c.stop_length
         if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
+            self._along = False
             self.reason = "" if self.footsteps else self.reason
             steering.rest(self._middle())
             return (Event.STOPPED,)
@@ -368,7 +380,7 @@ class SteppingWalk(ReferenceSource):
 
         A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
         """
-        climbed, self.footsteps, climbs = self.steering.climbs, (), 0.0
+        before, self.footsteps, self.stair = self.stair, (), 0.0
         if self.planner is not None:
             left, right = (Footstep.of(*foot) for foot in zip(SIDES, frames, strict=True))
             start = FootstepPlan(left, right, (), self._gait)
@@ -382,8 +394,7 @@ class SteppingWalk(ReferenceSource):
             else:
                 self.footsteps, self._idle = plan.steps, not plan.steps
                 level = abs(left.z - right.z) < LEAST_STAIR  # else the last stair is still ahead of one foot
-                climbs = plan.rise or (0.0 if level else climbed)
-        self.steering.climb(climbs)
+                self.stair = plan.rise or (0.0 if level else before)
 
     def _stay_on_ground(self) -> None:
         """Come to a stand where the velocity would lead beyond the ground."""

@@ -48,10 +48,9 @@ class StepVelocity(NamedTuple):
 class PathSteering(Steering):
     """Steering of free steps: their velocity at every tick, held to a path.
 
-        steering.rest(place)                    where the robot begins to step, and where it stands again
-        steering.follow_footsteps()             from the shift of the weight on: steps take the time of footsteps
-        steering.update(…), along(…)            in every tick of a step: by target or goal, or by footsteps
-        steering.land(held), climb(height)      at every landing: what has held, and the next stair
+        steering.rest(place)            where the robot begins to step, and where it stands again
+        steering.update(…), along(…)    in every tick of a step: by target or goal, or by footsteps
+        steering.land(held)             at every landing
 
     Attributes:
         heading: Heading of the pelvis and of the next steps, rad.
@@ -60,8 +59,6 @@ class PathSteering(Steering):
         turn: Turn of the steps now, rad/s.
         goes: False for a robot that is to stand.
         held: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
-        follows: True while the steps are footsteps that are given.
-        climbs: Height to the next stair of these, up or down, m; 0 on the level.
     """
 
     def __init__(
@@ -82,7 +79,7 @@ class PathSteering(Steering):
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held, self.goes, self.follows, self.climbs = held, True, False, 0.0
+        self.held, self.goes = held, True
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -94,8 +91,17 @@ class PathSteering(Steering):
 
     @property
     def step_time(self) -> float:
-        """Time T of a step at this velocity, s."""
+        """Time T of a step of this velocity, s."""
         return self._pace.time(self.velocity[0], self._slow)
+
+    def plan_time(self, stair: float) -> float:
+        """Return the time T of a step along footsteps, s, with the height to the next stair, m; 0 on the level."""
+        s = self._s
+        if stair < 0.0:
+            return self._pace.time(self.velocity[0], s.slow_time)
+        held = 1.0 if stair else self.held
+        slow = s.step_time + held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
+        return self._pace.time(self.velocity[0], slow)
 
     @property
     def fast_share(self) -> float:
@@ -106,11 +112,6 @@ class PathSteering(Steering):
     def _slow(self) -> float:
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
-        if self.follows:
-            if self.climbs < 0.0:
-                return s.slow_time
-            held = 1.0 if self.climbs else self.held
-            return s.step_time + held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
         slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
@@ -118,24 +119,14 @@ class PathSteering(Steering):
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
-        self.follows = False
 
     def land(self, held: float) -> None:
         """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
         less, more = self._held_gain
         self.held += (less if held < self.held else more) * (held - self.held)
 
-    def climb(self, height: float) -> None:
-        """Take the height to the next stair of the footsteps to come, m; 0 on the level."""
-        self.climbs = height
-
-    def follow_footsteps(self) -> None:
-        """Take the time of steps that footsteps take, from the shift of the weight before them on."""
-        self.follows = True
-
     def along(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
-        self.follow_footsteps()
         self.goes = True
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt
@@ -183,7 +174,7 @@ class PathSteering(Steering):
 
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
-        s, dt, self.follows = self._s, self._dt, False
+        s, dt = self._s, self._dt
         forward, left, turn = self._wanted(place)
         change = s.acceleration * dt
         x, y = self.velocity
