@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import signal
 from pathlib import Path
 from typing import Any
@@ -116,41 +115,6 @@ def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: 
     log = written(tmp_path / "log.arrow", {}, change)
     with pytest.raises(InputError, match=r"log\.arrow"):
         interventions_of(log)
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        {"robot": "g1"},
-        {"robot": {"name": "g1", "mass_kg": "30", "soles": [], "torque_limit_Nm": {}}},
-        {
-            "robot": {
-                "name": "g1",
-                "mass_kg": 30.0,
-                "soles": [{"name": "a", "length_m": 1}],
-                "torque_limit_Nm": {},
-            }
-        },
-        {
-            "robot": {
-                "name": "g1",
-                "mass_kg": 30.0,
-                "soles": [{"name": "a", "length_m": math.nan, "width_m": 0.1}],
-                "torque_limit_Nm": {},
-            }
-        },
-        {"versions": {"libraries": ["numpy"]}},
-        {"versions": 3},
-        {"title": ["walk"]},
-        {"seed": "1"},
-        {"control_period": {}},
-        {"control_period": -0.005},
-        {"plant": [], "description": 3},
-    ],
-)
-def test_a_header_whose_values_are_of_other_kinds_is_refused(header: dict[str, Any], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"'{next(iter(header))}.*' of its header"):
-        written(tmp_path / "log.arrow", header)
 
 
 @pytest.mark.parametrize(
