@@ -97,27 +97,6 @@ def written(path: Path, header: dict[str, Any], change: str | None = None) -> Lo
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        "3",
-        "[3]",
-        "{",
-        '[{"what": "push", "time": "soon"}]',
-        '[{"what": "push", "time": 1.0, "direction": 3, "impulse": 0.1}]',
-        '[{"what": "set", "time": true, "name": "task com/weight", "value": 1.0}]',
-        '[{"what": "target", "time": 1.0, "task": "com", "target": 1.0}]',
-        '[{"what": "drive", "time": NaN, "forward": 0, "left": 0, "turn": 0}]',
-        '[{"what": ["end"], "time": 1.0}]',
-        '[{"time": 1.0}]',
-    ],
-)
-def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: Path) -> None:
-    log = written(tmp_path / "log.arrow", {}, change)
-    with pytest.raises(InputError, match=r"log\.arrow"):
-        interventions_of(log)
-
-
-@pytest.mark.parametrize(
     "spec", [None, 3, {"plan": 3}, {"plan": {}, "robot": 3}, {"plan": {}, "terrain_params": 3}]
 )
 def test_a_log_without_a_walk_is_not_repeated(spec: Any, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.reader import Log
-from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
-from wbc.base.errors import InputError, shown
+from wbc.app.view.controls import END, LiveControls
+from wbc.base.errors import InputError
 from wbc.base.files import parsing
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import WalkSpec
@@ -30,20 +30,7 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
     opened = log if isinstance(log, Log) else Log.open(log)
     found = opened.texts("view/change").tolist() if "view/change" in opened else []
     with parsing(opened.path, "log that can be repeated"):
-        return [_checked(entry) for text in found if text for entry in json.loads(text)]
-
-
-def _checked(entry: Any) -> dict[str, Any]:
-    """Return an intervention; `ValueError` for one that cannot be repeated."""
-    known = INTERVENTIONS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
-    if known is None:
-        raise ValueError(f"a recorded change must be one of {', '.join(INTERVENTIONS)}, got {shown(entry)}")
-    for name, kind in {"time": float, **known[1]}.items():
-        value = entry.get(name)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not (number if kind is float else isinstance(value, kind)):
-            raise ValueError(f"{name} of a recorded change cannot be {shown(value)}")
-    return dict(entry)
+        return [entry for text in found if text for entry in json.loads(text)]
 
 
 def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
