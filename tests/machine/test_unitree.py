@@ -191,6 +191,17 @@ def test_a_motor_that_is_nowhere_has_no_stiffness(found: float) -> None:
     assert motors["kp"][3] == motors["tau"][3] == 0.0 and (np.delete(motors["kp"], 3) == 80.0).all()
 
 
+@pytest.mark.parametrize("found", [np.nan, 7.0, -1e30])
+def test_torques_reach_all_motors_where_one_is_nowhere(found: float) -> None:
+    """The control goes by a prediction of it for a while, and then fails by itself."""
+    driver, torques = machine(state(q=found)), np.linspace(-3.0, 3.0, 29)
+    driver.read(0.0)
+    driver.write(Command(torques))
+    motors = driver._topics.sent[-1]  # type: ignore[union-attr, attr-defined]
+    np.testing.assert_allclose(motors["tau"], torques, atol=1e-6)
+    assert not motors["kp"].any() and not motors["kd"].any() and np.isfinite(motors["q"]).all()
+
+
 @pytest.mark.parametrize("found", [0.3, np.nan])
 def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
     found: float, caplog: pytest.LogCaptureFixture

@@ -230,7 +230,8 @@ class UnitreeDriver(Driver):
         """See `Driver`; without position references the motors get only the torque."""
         whole = with_gains(command, self.gains)
         q, v = command.joint_position, command.joint_velocity
-        q, v = self._position if q is None else q, self._zero if v is None else v
+        q = np.nan_to_num(_possible(self._position)) if q is None else q  # without a reading no stiffness
+        v = self._zero if v is None else v
         whole = replace(whole, joint_position=q, joint_velocity=v)
         if self._gate is None:
             self._gate = CommandGate(self.description.robot(), 0.002)
