@@ -16,8 +16,10 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.solving.solver import Status
 from wbc.core.signals import SIGNALS
+from wbc.sim import TrueFallDetector
 from wbc.tasks import AdmittanceTask, PositionTask
 from wbc.tasks.balance import balance_controller
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 NAN, INF = float("nan"), float("inf")
 DT = 0.002
@@ -263,3 +265,19 @@ def test_measurements_that_all_changed_and_stand_at_once_are_frozen() -> None:
         control.command(replace(moving(min(tick, 10)), time=tick * DT))
         assert control.failing is (tick >= 30)
     assert "the same measurement" in control.status()
+
+
+@pytest.mark.parametrize("joint", ["left_knee_joint", "left_elbow_joint"])
+def test_a_robot_stands_on_an_encoder_that_jumps_within_its_range_and_names_it(joint: str) -> None:
+    """It is used once its joint could have come there; a tick that went on without it would stop the robot."""
+    plant = wbc.Plant("g1", control_period=0.004, noise="realistic", seed=1)
+    walking = WalkingControl(plant.description.robot(), None, 0.004, WalkingControlSettings(mode="torque"))
+    walking.drives.watch()
+    off, said = np.zeros(plant.robot.na), set()
+    while plant.time < 1.5:
+        off[plant.robot.joint_index(joint)] = 0.3 if plant.time > 0.5 else 0.0
+        m = plant.measure()
+        plant.step(walking.command(replace(m, joint_position=m.joint_position + off)))
+        said.add(walking.status())
+    assert walking.drives.failures == 0 and not TrueFallDetector(plant.robot).fallen(plant.truth().q)
+    assert any(f"{joint} contradicts" in status for status in said)
