@@ -115,7 +115,7 @@ def test_a_fall_is_an_event_once_beside_those_of_its_tick() -> None:
 
     assert events() is None
     assert events(Event.LIFT_OFF, Event.STARTED) == f"{Event.LIFT_OFF.value}; {Event.STARTED.value}"
-    walking.drives.falls.reason = FallReason.DOWN
+    walking.drives.sensing.falls.reason = FallReason.DOWN
     assert events(Event.LIFT_OFF) == f"{Event.LIFT_OFF.value}; fallen: {FallReason.DOWN.value}"
     assert events() is None and events(Event.STOPPED) == Event.STOPPED.value
 

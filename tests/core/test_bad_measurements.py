@@ -110,7 +110,7 @@ def test_a_robot_stands_on_without_a_signal_that_it_does_not_need(
             plant.step(control.command(replace(m, **{signal: bad}) if tick >= first else m))
         assert control.failures == 0 and np.abs(plant.truth().com - begin).max() < 0.02, bad
         measured = control.measurement
-        assert control.plausibility.faults and measured is not None
+        assert control.sensing.plausibility.faults and measured is not None
         assert (measured.wrench_source == "sensor") is (signal != "sole_wrench")
         for _ in range(5):
             plant.step(control.command(plant.measure()))
@@ -124,7 +124,7 @@ def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.Lo
     control: PositionControl | TorqueControl
     control = (TorqueControl if mode == "torque" else PositionControl)(controller(), failure_policy=policy)
     control.command(at_rest(shared_robot(), 0.0))
-    held = round(control.plausibility.settings.hold / DT)  # ticks that predictions bridge
+    held = round(control.sensing.plausibility.settings.hold / DT)  # ticks that predictions bridge
     for tick in range(1, held + 8):
         good = at_rest(shared_robot(), tick * DT)
         command = control.command(replace(good, joint_position=np.full_like(good.joint_position, NAN)))

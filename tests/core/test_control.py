@@ -261,7 +261,7 @@ def test_a_position_control_that_is_damped_holds_nothing_and_brakes_each_joint()
     controller = standing("hrp4_class", DT)
     robot, control = controller.robot, PositionControl(controller)
     control.command(at_rest(robot, 0.0))
-    control.falls.reason = FallReason.DOWN
+    control.sensing.falls.reason = FallReason.DOWN
     q = at_rest(robot, DT).joint_position + 0.01
     q[3] = robot.position_upper[3] + 0.1
     moving = speeds(robot)

@@ -107,7 +107,7 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
         true: list[tuple[bool, bool]] = []  # noqa: RUF012
 
         def tick(self, tick) -> None:  # type: ignore[no-untyped-def]
-            wrenches = tick.control.drives.wrenches
+            wrenches = tick.control.drives.sensing.wrenches
             self.seen.append(tuple(wrenches.contact))
             self.true.append(tuple(tick.plant.truth().sole_wrench[:, 2] > 5.0))
 

@@ -115,7 +115,7 @@ def test_a_hybrid_command_keeps_the_limits_where_readings_are_refused(fault: str
     robot, measurement = control.controller.robot, plant().measure()
     control.command(measurement)
     if fallen:
-        control.falls.reason = FallReason.DOWN
+        control.sensing.falls.reason = FallReason.DOWN
     for tick in range(1, 80):
         speed = 0.9 * robot.velocity_limit * np.sin(np.arange(1.0, robot.na + 1.0)) * min(1.0, 0.1 * tick)
         given = replace(measurement, time=measurement.time + tick * DT, joint_velocity=speed)

@@ -151,9 +151,9 @@ def test_a_force_sensor_with_the_other_sign_is_named_and_the_robot_stands_on(sig
         measured = plant.measure()
         turned = np.array(signs)[:, None] * measured.wrenches
         plant.step(control.command(replace(measured, sole_wrench=turned)))
-    named = control.plausibility.pull
+    named = control.sensing.plausibility.pull
     assert bool(named) == (-1 in signs) and named in control.status() and control.failures == 0
-    plausibility = control.plausibility
+    plausibility = control.sensing.plausibility
     if named:
         for _ in range(3):  # put right
             measured = plant.measure()

@@ -110,8 +110,8 @@ def test_a_walk_that_takes_over_knows_the_loads_of_feet_without_sensors() -> Non
     def loads() -> np.ndarray:
         """Normal forces after another tick, N."""
         plant.step(guard.command(dataclasses.replace(plant.measure(), sole_wrench=None)))
-        assert guard.drives.wrenches is not None
-        return guard.drives.wrenches.wrench[:, 2].copy()
+        assert guard.drives.sensing.wrenches is not None
+        return guard.drives.sensing.wrenches.wrench[:, 2].copy()
 
     for _ in range(40):
         before = loads()
@@ -223,13 +223,13 @@ def test_doubts_failures_and_time_go_on_over_a_change() -> None:
     for _ in range(150):
         tick()
         assert guard.drives.time == pytest.approx(time := time + DT)
-    doubts, pull = monitor.doubts, guard.drives.plausibility.pull
+    doubts, pull = monitor.doubts, guard.drives.sensing.plausibility.pull
     assert doubts and "sign" in pull
     break_by_nan(network)
     while not guard.relieved:
         tick()
         wrong += 1
-    assert guard.drives.monitor is monitor and monitor.doubts == doubts
+    assert guard.drives.sensing.monitor is monitor and monitor.doubts == doubts
     assert pull in guard.status() and doubts[0] in guard.status()
     assert guard.drives.failures == 1 and guard.drives.time == pytest.approx(time + wrong * DT)
     tick()

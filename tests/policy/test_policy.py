@@ -194,7 +194,7 @@ def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: fl
         assert abs(command.joint_torque[column]) <= 1.05 * most + 0.05
         assert made(command, measurement) <= 1.05 * most + 0.05
         plant.step(command)
-    assert failing > 20 and not policy.drives.stopped and policy.drives.falls.reason is None
+    assert failing > 20 and not policy.drives.stopped and policy.drives.sensing.falls.reason is None
 
 
 def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from made_policies import ARMS, DT, G1, REST, Known, bobbing, control, resting
 import wbc
 from wbc.base.errors import InputError, WbcError
 from wbc.policy import PolicyControl, PolicyFilter, Term
-from wbc.policy.arms import PolicyArms
+from wbc.policy.arms import MovedArms
 from wbc.policy.filter import AHEAD, LASTS, REACH
 from wbc.tasks import JointTorqueTask, RelativeFrameTask
 
@@ -165,7 +165,8 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
     plant, policy = filtered(wish, limits(), reaction=1e6)
     filters, robot = policy._arms, policy.controller.robot
     filters._stop = lambda *limits: None  # type: ignore[method-assign]  # which brakes harder
-    whole = PolicyArms(wbc.Controller(robot, DT, regularisation=1e-10), ARMS)
+    whole = MovedArms(wbc.Controller(robot, DT, regularisation=1e-10), ARMS, *np.zeros((2, robot.na)))
+    whole.controller.remove(whole.posture, *whole.controller.limits)
     weight = 1.0 / np.square(robot.torque_limit[15:])
     cost = whole.controller.add(JointTorqueTask(joints=list(ARMS), weight=weight))
     whole.controller.add(
@@ -176,9 +177,9 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
     whole.controller._assembly._attainable.cut = lambda: None  # type: ignore[method-assign]
     solve, changed, arms = filters._solve, 0, filters._columns
 
-    def noted(measurement: wbc.Measurement) -> np.ndarray:
-        cost.target = filters._wish.copy()
-        return solve(measurement)
+    def noted(measurement: wbc.Measurement, wish: np.ndarray, bounds: Any) -> np.ndarray:
+        cost.target = wish.copy()
+        return solve(measurement, wish, bounds)
 
     filters._solve = noted  # type: ignore[method-assign]
     for _ in range(150):
@@ -249,9 +250,9 @@ def braked(room: float, speed: float, upper: bool, **options: Any) -> tuple[floa
     q, v = np.array(robot.q), np.zeros(robot.nv)
     q[7 + elbow], v[6 + elbow] = stop - sign * room, sign * speed
     robot.update(q, v)
-    filters._wish = wish = np.zeros(14)
+    wish, most = np.zeros(14), robot.torque_limit[15:]
     for _ in range(2):  # the change of the inertia since the last tick counts
-        made = filters._solve(plant.measure())
+        made = filters._solve(plant.measure(), wish, (-most, most))
     columns = filters._columns
     inertia = robot.mass_matrix[columns][:, columns]
     acceleration = filters._acceleration[columns] + np.linalg.solve(inertia, made - wish)

@@ -107,7 +107,7 @@ class Doubts(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         if tick.control.fallen is None:
-            self.found += tick.control.drives.monitor.doubts
+            self.found += tick.control.drives.sensing.monitor.doubts
 
     def start(self, trial: Any) -> None:
         trial.control.drives.watch()

@@ -281,12 +281,12 @@ class Phases:
         """End the run of a robot that has fallen."""
         drives, falls, reason = self._control.drives, self._falls, None
         if drives is not None:
-            reason = drives.falls.reason if drives.damped else None
+            reason = drives.sensing.falls.reason if drives.damped else None
         elif falls is not None and self._fallen is not None and self._settings.on_fall == "damp":
             q, v = self._loads.posture(measurement), np.zeros(self._fallen.nv)
             v[BASE_DOF:] = measurement.joint_velocity
             self._fallen.update_kinematics(q, v)
-            reason = falls.update(q, v)
+            reason = falls.update()
         if reason is not None:
             raise Over(f"the robot has fallen: {reason.value}")
 

@@ -11,6 +11,7 @@ with the specific force s and the angular rate ω of the IMU, its rotation R, an
 from __future__ import annotations
 
 import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
@@ -88,10 +89,11 @@ class Carried(Contact):
         drift -= self.acceleration
 
 
-class PolicyArms:
-    """Arms that a controller moves, on a robot whose other joints and whose base somebody else moves.
+class PolicyArms(ABC):
+    """Arms that a controller shares with a policy, on a robot whose other joints and whose base the policy moves.
 
     Attributes:
+        controller: The controller, with the base carried, no contacts, and all other joints released.
         index: Columns of their joints in arrays of the robot's joints, shape (number of joints,).
         failure: Reason for which the last tick had no torques; empty if it had them.
         remark: Words about its torques for the status; empty for none.
@@ -99,7 +101,7 @@ class PolicyArms:
         otherwise: What the arms are in a tick without torques.
     """
 
-    otherwise = "damped"
+    otherwise: ClassVar[str]
 
     def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
         """Carry the base of a controller without contacts, and release all other joints.
@@ -110,47 +112,31 @@ class PolicyArms:
         """
         robot = controller.robot
         self.index: NDArray[np.intp] = ReleasedJoints(robot, joints).index  # refuses legs
-        self.controller, self._joints = controller, list(joints)
+        self.controller = controller
         self._carried = controller.add(Carried(robot, controller.dt))
         others = [name for name in robot.joint_names if name not in set(joints)]
         self._others = controller.add(ReleasedJoints(robot, others, commanded=True))
         self.failure = self.remark = ""
-        self.changed, self._feed, self._rest = np.zeros((3, robot.na))
+        self.changed = np.zeros(robot.na)
 
-    def follow(self, default: Array, damping: Array) -> PostureTask:
-        """Return a new task that holds a posture of the arms, rad, within the limits of their joints.
-
-        Without a solution they are damped, Nms/rad. Posture and damping are of all joints, shape (na,).
-        """
-        self._damping = damping[self.index]
-        posture = self.controller.add(PostureTask(default[self.index], joints=self._joints))
-        self.controller.add(JointLimits(), TorqueLimits())
-        return posture
-
-    def servos(
-        self, measurement: Measurement, target: Array, asked: Callable[[Measurement], Array]
-    ) -> tuple[Array, Array, Array]:
+    @abstractmethod
+    def servos(self, measurement: Measurement, target: Array, asked: Array) -> tuple[Array, Array, Array]:
         """Return feed-forward torques, Nm, and references of the servos, rad and rad/s, shape (na,) each.
 
         Args:
             measurement: Measurement of this tick.
-            target: Positions that the policy wants, rad; of the arms they become those that are measured.
-            asked: Function of the measurement that returns the torques that the servos of the policy make now, Nm.
+            target: Positions that the policy wants, shape (na,), rad.
+            asked: Torques that the servos of the policy make now, shape (na,), Nm.
         """
-        torque, index, torques = self._feed, self.index, self.torques(measurement)
-        velocity = measurement.joint_velocity[index]
-        torque[index] = -self._damping * velocity if torques is None else torques
-        target[index] = measurement.joint_position[index]
-        return torque, target, self._rest
 
     def forget_rate(self) -> None:
         """See `Carried.forget_rate`; after ticks without torques."""
         self._carried.forget_rate()
 
-    def torques(self, measurement: Measurement) -> Array | None:
-        """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""
+    def _tried(self, solve: Callable[..., Array], *arguments: object) -> Array | None:
+        """Return the torques that a QP makes of arguments, shape (number of joints,), Nm; None without a solution."""
         try:
-            torques, failure = self._solve(measurement), ""
+            torques, failure = solve(*arguments), ""
         except NoSolutionError as error:
             torques, failure = None, str(error)
         except Exception as error:  # of tasks and limits of the user
@@ -160,7 +146,40 @@ class PolicyArms:
         self.failure = failure
         return torques
 
-    def _solve(self, measurement: Measurement) -> Array | None:
+
+class MovedArms(PolicyArms):
+    """Arms that the tasks of the controller move.
+
+    Attributes:
+        posture: Task on the posture of the arms.
+    """
+
+    otherwise = "damped"
+
+    def __init__(self, controller: Controller, joints: Sequence[str], default: Array, damping: Array) -> None:
+        """Hold a posture, rad, within the limits of the joints; without a solution they are damped, Nms/rad.
+
+        Posture and damping are of all joints of the robot, shape (na,).
+        """
+        super().__init__(controller, joints)
+        self._damping = damping[self.index]
+        self.posture = controller.add(PostureTask(default[self.index], joints=list(joints)))
+        controller.add(JointLimits(), TorqueLimits())
+        self._feed, self._rest = np.zeros((2, controller.robot.na))
+
+    def servos(self, measurement: Measurement, target: Array, asked: Array) -> tuple[Array, Array, Array]:
+        """See `PolicyArms.servos`; the servos of the arms hold what is measured."""
+        torque, target, index = self._feed, target.copy(), self.index
+        made, velocity = self.torques(measurement), measurement.joint_velocity[index]
+        torque[index] = -self._damping * velocity if made is None else made
+        target[index] = measurement.joint_position[index]
+        return torque, target, self._rest
+
+    def torques(self, measurement: Measurement) -> Array | None:
+        """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""
+        return self._tried(self._solve, measurement)
+
+    def _solve(self, measurement: Measurement) -> Array:
         self._carried.measured(measurement)
         solution = self.controller.solve(measurement)
         if not solution.ok:

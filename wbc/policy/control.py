@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
-from wbc.policy.arms import PolicyArms
+from wbc.policy.arms import MovedArms, PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.filter import FilterController, PolicyFilter
@@ -232,8 +232,8 @@ class PolicyControl(SteeredControl):
             self._arms = safe.bind(controller)
         elif arms:
             default[self._columns] = self._default
-            self._arms = PolicyArms(controller, arms)
-            self.posture = self._arms.follow(default, self._kd)
+            self._arms = moved = MovedArms(controller, arms, default, self._kd)
+            self.posture = moved.posture
             self._kp[self._arms.index] = self._kd[self._arms.index] = 0.0
         if self._arms is not None and not seen:
             self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
@@ -280,7 +280,7 @@ class PolicyControl(SteeredControl):
         self._ticks = 0
         self.network_error: Exception | None = None
         self.acted = False
-        self._asked = 0.0  # time since a velocity was asked for, s
+        self._rested = 0.0  # time for which a stand has been asked for, s
         self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
         self._observation.reset()
@@ -332,13 +332,13 @@ class PolicyControl(SteeredControl):
     @property
     def done(self) -> bool:
         """True when no velocity has been asked for during the last 2 s, and after a fall."""
-        return self._asked >= SETTLES or self.fallen is not None
+        return self._rested >= SETTLES or self.fallen is not None
 
     def act(self, state: State) -> Command:
         """End a tick: let the policy act once in its period, and return the command of the drives."""
         if not self.drives.damped:
             self.acted = False
-            self._asked = self._asked + self.controller.dt if self._stands else 0.0
+            self._rested = self._rested + self.controller.dt if self._stands else 0.0
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
                 if self.ground is not None:
@@ -360,9 +360,9 @@ class PolicyControl(SteeredControl):
         observed, columns = self.observed, self._columns
         observed.position[:] = state.robot.q[7:][columns] - self._default
         observed.velocity[:] = state.robot.v[6:][columns]
-        hidden: NDArray[Any] = self._masked
+        hidden = self._masked
         if (released := self.drives.released) is not None and not self._sees_arms:
-            hidden = released.mask[columns]
+            hidden = released.mask[columns].nonzero()[0]
         observed.position[hidden] = observed.velocity[hidden] = 0.0
         if self._regain:
             self._ask_for_more(state.robot)
@@ -402,8 +402,8 @@ class PolicyControl(SteeredControl):
         if self._arms is not None:
             if self.drives.failing:
                 self._arms.forget_rate()
-            torque, target, velocity = self._arms.servos(m, target, self.asked)
-        measured = self.drives.plausibility.joints(state.received)
+            torque, target, velocity = self._arms.servos(m, target, self.asked(m))
+        measured = self.drives.joints(state)
         if (lost := np.isnan(measured[0])).any():
             torque = torque + np.where(lost, self._kp * (target - m.joint_position), 0.0)
         return self.drives.gate.pass_on_with_gains(torque, target, velocity, (self._kp, self._kd), measured)

@@ -18,7 +18,7 @@ the contacts of the feet. Each joint of legs and waist is braked at its stops by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
 import daqp
@@ -131,7 +131,7 @@ class FilteredArms(PolicyArms):
         self._stops = robot.position_lower[self.index], robot.position_upper[self.index]
         self._acceleration = np.zeros(robot.nv)
         self._carried_rows = np.zeros((6, robot.nv)), np.zeros(6), np.zeros(6)
-        self._least, self._most, self._made = np.zeros((3, robot.na))  # torques, Nm
+        self._made = np.zeros(robot.na)  # torques of the last tick, Nm
         self._cost, self._reaction = (np.eye(n), np.zeros(n)), reaction
         self._limits: tuple[Limit, ...] = ()
 
@@ -152,18 +152,15 @@ class FilteredArms(PolicyArms):
             rows = slice(stop, stop := stop + limit.dim)
             self._blocks.append((limit, self._rows[rows], self._lower[rows], self._upper[rows]))
 
-    def servos(
-        self, measurement: Measurement, target: Array, asked: Callable[[Measurement], Array]
-    ) -> tuple[Array, Array, Array]:
-        """Return feed-forward torques and references with which servos make the torques of the filter.
+    def servos(self, measurement: Measurement, target: Array, asked: Array) -> tuple[Array, Array, Array]:
+        """See `PolicyArms.servos`; with the returned values the servos make the torques of the filter.
 
         The servos of the arms are those of the policy about what they do now: until the next tick they change as they
         would about its targets.
         """
         index, target, velocity = self.index, target.copy(), np.zeros_like(target)
-        wished = asked(measurement)
-        torque = self.near(measurement, wished)
-        self.changed = torque - wished
+        torque = self.near(measurement, asked)
+        self.changed = torque - asked
         feed = self.changed.copy()
         feed[index], target[index], velocity[index] = (
             each[index] for each in (torque, measurement.joint_position, measurement.joint_velocity)
@@ -176,18 +173,18 @@ class FilteredArms(PolicyArms):
         Where the QP has no solution the torques are those of the policy, within their limits, as of joints by
         themselves.
         """
-        robot, (least, most), index = self.controller.robot, (self._least, self._most), self.index
+        robot, index = self.controller.robot, self.index
         if (limits := self.controller.limits) != self._limits:
             self._place(limits)
-        least[:], most[:] = robot.torque_lower, robot.torque_upper
+        least, most = robot.torque_lower, robot.torque_upper
         ahead = robot.q[robot.base_nq :] + AHEAD * robot.v[robot.base_dof :]
         torques = np.minimum(asked, self._slope * (robot.position_upper - ahead))
         np.maximum(torques, self._slope * (robot.position_lower - ahead), out=torques)
         np.minimum(np.maximum(torques, least, out=torques), most, out=torques)
         if self._torque_limits is not None:
-            least[:], most[:] = self._torque_limits.interval(self.controller.dt, self._made)
-        self._wish = torques[index]
-        arms = self.torques(measurement)
+            least, most = self._torque_limits.interval(self.controller.dt, self._made)
+        bounds = least.take(index), most.take(index)
+        arms = self._tried(self._solve, measurement, torques.take(index), bounds)
         if arms is not None:
             torques[index] = arms
         self._made[:] = torques
@@ -208,9 +205,12 @@ class FilteredArms(PolicyArms):
                 lower[row] = max(lower.item(row), most)
                 upper[row] = max(lower.item(row), upper.item(row))
 
-    def _solve(self, measurement: Measurement) -> Array:
-        """Return the torques of the arms nearest to those that the policy wishes, shape (number of joints,), Nm."""
-        controller, robot, wish = self.controller, self.controller.robot, self._wish
+    def _solve(self, measurement: Measurement, wish: Array, bounds: tuple[Array, Array]) -> Array:
+        """Return the torques of the arms nearest to those that the policy wishes, within bounds.
+
+        All are of shape (number of joints,), Nm.
+        """
+        controller, robot, (least, most) = self.controller, self.controller.robot, bounds
         columns, unit = self._columns, self._per_share
         acceleration, base, mass = self._acceleration, robot.base_dof, robot.mass_matrix
         acceleration[self._others.columns] = self._others.feedforward_acceleration
@@ -240,12 +240,8 @@ class FilteredArms(PolicyArms):
         chosen = ((self._lower > -np.inf) | (self._upper < np.inf)).nonzero()[0]
         rows = self._rows.take(chosen, axis=0)
         wished = rows.dot(acceleration)
-        lower = np.concatenate(
-            [(self._least.take(self.index) - wish) / unit, self._lower.take(chosen) - wished]
-        )
-        upper = np.concatenate(
-            [(self._most.take(self.index) - wish) / unit, self._upper.take(chosen) - wished]
-        )
+        lower = np.concatenate([(least - wish) / unit, self._lower.take(chosen) - wished])
+        upper = np.concatenate([(most - wish) / unit, self._upper.take(chosen) - wished])
         self.remark = ""
         if (lower <= 0.0).all() and (upper >= 0.0).all():
             return wish

@@ -29,10 +29,8 @@ from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
 from wbc.core.estimation.consistency import ConsistencyMonitor
-from wbc.core.estimation.falls import FallDetector, FallReason
+from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.plausibility import Plausibility
-from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.solution import Solution
@@ -249,26 +247,6 @@ class DriveControl(Control):
         return self.sensing.observer
 
     @property
-    def plausibility(self) -> Plausibility:
-        """Check of measurements."""
-        return self.sensing.plausibility
-
-    @property
-    def monitor(self) -> ConsistencyMonitor | None:
-        """Monitor of sensors that contradict each other, after `watch`; None in a simulation as a rule."""
-        return self.sensing.monitor
-
-    @property
-    def wrenches(self) -> WrenchEstimator | None:
-        """Estimator of the wrenches of feet without force sensors; None while they are measured."""
-        return self.sensing.wrenches
-
-    @property
-    def falls(self) -> FallDetector:
-        """Detector of a fall, by the estimate."""
-        return self.sensing.falls
-
-    @property
     def measurement(self) -> Measurement | None:
         """Last measurement that was used, with what was refused replaced by predictions; None before one."""
         return self.sensing.measurement
@@ -277,11 +255,6 @@ class DriveControl(Control):
     def time(self) -> float:
         """Time since the control was made, s; one control period in each tick."""
         return self.sensing.time
-
-    @property
-    def failure_policy(self) -> FailurePolicy:
-        """Reaction to failures."""
-        return self._record.policy
 
     @property
     def failures(self) -> int:
@@ -311,18 +284,18 @@ class DriveControl(Control):
     @property
     def fallen(self) -> FallReason | None:
         """Reason of the robot's fall, also of one that its stop will lead to; None while it has not fallen."""
-        return self.falls.reason or (FallReason.SOLVER if self.stopped else None)
+        return self.sensing.falls.reason or (FallReason.SOLVER if self.stopped else None)
 
     @property
     def damped(self) -> bool:
         """True once a fall has ended in damping; `reset` starts again."""
-        return self.falls.reason is not None and self.sensing.on_fall == "damp"
+        return self.sensing.falls.reason is not None and self.sensing.on_fall == "damp"
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
         parts, sensing = [], self.sensing
-        if self.falls.reason is not None:
-            parts.append(f"fallen: {self.falls.reason.value}{'; damped' if self.damped else ''}")
+        if sensing.falls.reason is not None:
+            parts.append(f"fallen: {sensing.falls.reason.value}{'; damped' if self.damped else ''}")
         if self.failing:
             parts.append(f"{'stopped' if self.stopped else 'failing'}: {self.reason}")
         if self._balance_lost():
@@ -385,7 +358,7 @@ class DriveControl(Control):
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
-            if sensing.falls.reason is None and (reason := sensing.falls.update(estimate.q, estimate.v)):
+            if sensing.falls.reason is None and (reason := sensing.falls.update()):
                 self._fall(reason)
             if released is not None:
                 solved = None if self.solution is None else self.solution.accelerations
@@ -451,7 +424,7 @@ class DriveControl(Control):
                 return self._finish(command)
         if self._held.empty:
             return self._finish(self._hold(state))
-        return self._finish(self._held.at_rest(self.gate, self._record.damping, self._joints(state)))
+        return self._finish(self._held.at_rest(self.gate, self._record.damping, self.joints(state)))
 
     def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.
@@ -506,7 +479,7 @@ class DriveControl(Control):
         """Return the command of a robot that has fallen: no stiffness, no torque, damping alone."""
         raise NotImplementedError
 
-    def _joints(self, state: State) -> tuple[Array, Array]:
+    def joints(self, state: State) -> tuple[Array, Array]:
         """Return q and q̇ of the joints as received, shape (na,) each; NaN where they are impossible or refused."""
         return self.sensing.plausibility.joints(state.received)
 
@@ -516,7 +489,7 @@ class DriveControl(Control):
         if reason is FallReason.DOWN and any(
             contact.active and contact.frame not in soles for contact in self.controller.contacts
         ):
-            self.falls.reset()
+            self.sensing.falls.reset()
             return
         then = "the joints are damped" if self.damped else "the control goes on"
         logger.error("the robot has fallen (%s): %s", reason.value, then)

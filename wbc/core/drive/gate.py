@@ -74,18 +74,41 @@ class CommandGate:
         sent = self.pass_on(np.zeros_like(torque), position, velocity)
         faults = self.faults
         assert sent.joint_position is not None and sent.joint_velocity is not None
-        kp, kd = gains
         reference = sent.joint_position, sent.joint_velocity
+        torque, (kp, kd), beyond = self._with_servos(torque, reference, gains, measured)
+        if beyond is not None:
+            self._report(beyond, faults)
+        return Command(torque.copy(), *reference, kp=kp.copy(), kd=kd.copy(), period=self._period)
+
+    def _with_servos(
+        self,
+        torque: Array,
+        reference: tuple[Array, Array],
+        gains: tuple[Array, Array],
+        measured: tuple[Array, Array],
+    ) -> tuple[Array, tuple[Array, Array], NDArray[np.bool_] | None]:
+        """Return feed-forward and gains within the torque limits together, and the joints that were beyond them.
+
+        These are None where nothing has given way, and no joint where rounding alone has.
+        """
+        kp, kd = gains
         if not math.isfinite(measured[0].dot(measured[1])):
             torque, kp, kd, measured = self._in_the_dark(torque, reference, gains, measured)
         servo = kp * (reference[0] - measured[0])
         servo += kd * (reference[1] - measured[1])
         total = torque + servo
         least, most = np.minimum(total, torque), np.maximum(total, torque)
-        if not ((least >= self._least).all() and (most <= self._most).all()):
-            self._report(~((least >= self._clipped_below) & (most <= self._clipped_above)), faults)
-            torque, kp, kd = self._give_way(total, servo, kp, kd)
-        return Command(torque.copy(), *reference, kp=kp.copy(), kd=kd.copy(), period=self._period)
+        if (least >= self._least).all() and (most <= self._most).all():
+            return torque, (kp, kd), None
+        beyond = ~((least >= self._clipped_below) & (most <= self._clipped_above))
+        least, most, servo = self._least, self._most, np.nan_to_num(servo, nan=0.0)
+        torque = np.clip(np.nan_to_num(total, nan=0.0), least, most) - servo
+        if ((torque < least) | (torque > most)).any():  # servos ask for more, as on a wrong velocity
+            torque = np.clip(torque, least, most)
+            # Feed-forward at one limit, and servos that ask for the other at most: the gains give way last.
+            share = np.minimum(1.0, (most - least) / np.maximum(np.abs(servo), ROUNDING))
+            kp, kd = share * kp, share * kd
+        return torque, (kp, kd), beyond
 
     def _in_the_dark(
         self,
@@ -114,35 +137,13 @@ class CommandGate:
         wrong shape or not finite, or a negative gain.
         """
         command = command.check(self._names)
-        torque, kp, kd = command.joint_torque, command.kp, command.kd
-        total, servo = np.asarray(torque, dtype=float), None
-        if kp is not None and kd is not None and (position := command.joint_position) is not None:
-            velocity = command.joint_velocity
-            velocity = np.zeros_like(position) if velocity is None else velocity
-            if not np.isfinite(measured).all():
-                reference = position, velocity
-                torque, kp, kd, measured = self._in_the_dark(torque, reference, (kp, kd), measured)
-                command = replace(command, joint_torque=torque, kp=kp, kd=kd)
-            servo = kp * (position - measured[0]) + kd * (velocity - measured[1])
-            total = torque + servo
-        least, most = np.minimum(total, torque), np.maximum(total, torque)
-        if (least >= self._clipped_below).all() and (most <= self._clipped_above).all():
-            return command
-        if servo is None or kp is None or kd is None:
+        torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
+        if kp is None or kd is None or position is None:
             return replace(command, joint_torque=np.clip(torque, self._least, self._most))
-        torque, kp, kd = self._give_way(total, servo, kp, kd)
+        velocity = np.zeros_like(position) if command.joint_velocity is None else command.joint_velocity
+        q, v = np.where(np.isfinite(measured), measured, np.nan)
+        torque, (kp, kd), _ = self._with_servos(torque, (position, velocity), (kp, kd), (q, v))
         return replace(command, joint_torque=torque, kp=kp, kd=kd)
-
-    def _give_way(self, total: Array, servo: Array, kp: Array, kd: Array) -> tuple[Array, Array, Array]:
-        """Return feed-forward and gains that stay within the limits together: the gains give way last."""
-        least, most, servo = self._least, self._most, np.nan_to_num(servo, nan=0.0)
-        torque = np.clip(np.nan_to_num(total, nan=0.0), least, most) - servo
-        if ((torque < least) | (torque > most)).any():  # servos ask for more, as on a wrong velocity
-            torque = np.clip(torque, least, most)
-            # Feed-forward at one limit, and servos that ask for the other at most.
-            share = np.minimum(1.0, (most - least) / np.maximum(np.abs(servo), ROUNDING))
-            kp, kd = share * kp, share * kd
-        return torque, kp, kd
 
     def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:
         """Return a command within all limits, of torques and references, shape (na,), in the units of a `Command`.

@@ -74,7 +74,7 @@ class TorqueControl(DriveControl):
 
     def _damping(self, state: State) -> Array:
         """Return the torques that damp the joints, shape (na,), Nm."""
-        return -self._record.damping * np.nan_to_num(self._joints(state)[1], nan=0.0)
+        return -self._record.damping * np.nan_to_num(self.joints(state)[1], nan=0.0)
 
 
 class HybridControl(TorqueControl):
@@ -163,13 +163,13 @@ class HybridControl(TorqueControl):
         return self._command(state, self._torques, (self.kp, self.kd))
 
     def _damp(self, state: State) -> Command:
-        position, _ = self._joints(state)
+        position, _ = self.joints(state)
         self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
         return self._command(state, self._off, (self._off, np.maximum(self.kd, self._record.damping)))
 
     def _command(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
-        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, self._joints(state))
+        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, self.joints(state))
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[:], self.v[:] = command.joint_position, command.joint_velocity

@@ -13,7 +13,6 @@ import math
 
 import numpy as np
 
-from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, Robot
 
 SLOPE = 1.0
@@ -59,10 +58,11 @@ class FallDetector:
         self.reason: FallReason | None = None
         self._since = 0.0
 
-    def update(self, q: Array, v: Array) -> FallReason | None:
-        """Look at the estimated robot, of configuration q and velocity v; return the reason of a fall, or None."""
+    def update(self) -> FallReason | None:
+        """Look at the present state of the robot; return the reason of a fall, or None."""
         if self.reason is not None:
             return self.reason
+        q, v = self._robot.q, self._robot.v
         # NaN fails every comparison. No speed exceeds the norm of all, which is quicker to compute.
         slow = v.dot(v) < SPEED**2 or np.abs(v).max() < SPEED
         if not (slow and math.isfinite(q.dot(q))):
