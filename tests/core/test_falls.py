@@ -62,10 +62,9 @@ def test_a_centre_of_mass_farther_beside_the_feet_than_above_them_is_a_fall_if_i
             assert detector.reason is (FallReason.DOWN if falls else None)
     for change in ({"q": np.nan}, {"v": np.nan}, {"v": 200.0}):
         detector.reset()
-        state = {"q": np.array(robot.half_sitting), "v": v.copy()}
+        robot.update(robot.half_sitting, v)
         for part, value in change.items():
-            state[part][3] = value
-        robot.update(**state)
+            getattr(robot, part)[3] = value
         assert detector.update() is FallReason.DIVERGED
 
 
