@@ -16,7 +16,7 @@ from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import DriveSettings, Standing, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.path import PathConstants, PathSteering
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.002
 
@@ -31,7 +31,7 @@ def settings() -> SteppingSettings:
 
 
 def steered(settings: SteppingSettings, heading: float = 0.0) -> PathSteering:
-    return PathSteering(settings, SIZE, CONSTANTS, heading, DT)
+    return PathSteering(GaitValues(settings, CONSTANTS, SIZE, DT), heading)
 
 
 def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: SteppingSettings) -> None:
@@ -207,16 +207,15 @@ def test_a_robot_leaves_a_ground_that_ends_before_it_can_stop(settings: Stepping
             low, high = np.full(2, -9.0), np.full(2, 9.0)
             (high if ends[axis] > 0.0 else low)[axis] = ends[axis] + off
             extent = (low[0], high[0], low[1], high[1])
-            steering = PathSteering(settings, SIZE, CONSTANTS, yaw, DT, extent)
+            values = GaitValues(settings, CONSTANTS, SIZE, DT)
+            steering = PathSteering(values, yaw, extent)
             assert not steering.overruns((0.0, 0.0)), "it is not asked to walk"
             steering.command((speed, aside, 0.0))
             outwards = (off < 0.0) == (ends[axis] > 0.0)
             assert steering.overruns((0.0, 0.0)) == outwards, "before it sets off"
             steering.velocity = speed, aside
             assert steering.overruns((0.0, 0.0)) == outwards
-            moved = PathSteering(
-                settings, SIZE, CONSTANTS, yaw, DT, tuple(np.add(extent, [3.0, 3.0, -2.0, -2.0]))
-            )
+            moved = PathSteering(values, yaw, tuple(np.add(extent, [3.0, 3.0, -2.0, -2.0])))
             moved.command((speed, aside, 0.0))
             assert moved.overruns((3.0, -2.0)) == outwards
 

@@ -24,7 +24,7 @@ from wbc.walking.stepping.decision import (
 )
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Now, Step
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.004
 CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
@@ -36,7 +36,7 @@ lengths, angles = st.floats(-0.6, 0.6), st.floats(-math.pi, math.pi)
 
 
 def decision() -> StepDecision:
-    return StepDecision(SETTINGS, CONSTANTS, SCALE, GroundEstimate(0.5, 0.0, 0.2), DT)
+    return StepDecision(GaitValues(SETTINGS, CONSTANTS, SCALE, DT), GroundEstimate(0.5, 0.0, 0.2))
 
 
 @examples(25)
@@ -276,7 +276,7 @@ class Seen(GroundEstimate):
 def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of_steps(side: float) -> None:
     """δᵀ K δ / 2 of the program, over its own cost in h²; the sole's centre is behind its carrying point."""
     ground = Seen(0.5, 0.0, 0.2)
-    made = StepDecision(SETTINGS, CONSTANTS, SCALE, ground, DT)
+    made = StepDecision(GaitValues(SETTINGS, CONSTANTS, SCALE, DT), ground)
     stance = stance_at((0.0, side * 0.22, 0.0, 0.0), (0.02, side * 0.1), 0.2)
     stance = stance._replace(axes=stance.axes._replace(side=side))
     wish = steps_of_velocity((0.1, 0.0), SETTINGS.width, stance)

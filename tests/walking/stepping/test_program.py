@@ -21,7 +21,7 @@ from wbc.walking.stepping.decision import StepDecision, StepState
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.program import TIME as TIME_COST
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
@@ -234,7 +234,8 @@ def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
 ) -> None:
     """It does if the DCM is beyond the outer edge of the stance foot, unless closing up leaves a shorter step."""
     c, settings = in_si(SteppingConstants(), SIZE), SteppingSettings().in_si(SIZE)
-    decision, zero = StepDecision(settings, c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002), (0.0, 0.0, 0.0)
+    decision = StepDecision(GaitValues(settings, c, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2))
+    zero = (0.0, 0.0, 0.0)
     still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
     swing = (-c.carrying, distance, 0.0, 0.0)
     dcm = Divergent(0.0, -0.1, OMEGA)
@@ -256,7 +257,7 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
     for push in (4.5, 100.0):
         constants = dataclasses.replace(in_si(SteppingConstants(), SIZE), swing_push=push * GRAVITY)
         settings = SteppingSettings().in_si(SIZE)
-        decision = StepDecision(settings, constants, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002)
+        decision = StepDecision(GaitValues(settings, constants, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2))
         dcm = Divergent(speed / OMEGA, 0.04, OMEGA)
         still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
         zero = (0.0, 0.0, 0.0)
@@ -279,7 +280,9 @@ def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_i
     c, zero = in_si(SteppingConstants(), SIZE), (0.0, 0.0, 0.0)
     still, found = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), []
     for speed in (0.0, 0.1, 0.25, 0.4, 0.8):
-        decision = StepDecision(SteppingSettings().in_si(SIZE), c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002)
+        decision = StepDecision(
+            GaitValues(SteppingSettings().in_si(SIZE), c, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2)
+        )
         dcm = Divergent(speed / OMEGA, still.inwards, OMEGA)
         swing = (-c.carrying, 0.22, 0.0, 0.0)
         stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.0, swing, 0.05)

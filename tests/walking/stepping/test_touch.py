@@ -15,7 +15,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.felt import BodyState, Felt
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over, viability
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.touch import SwingTouch
 
 DT = 0.004
@@ -46,7 +46,7 @@ def touching(
     )
     felt.carrying_point = lambda side: felt.state.places[side]
     felt.centre_of_pressure = lambda side: tuple(np.add(felt.state.places[side], (0.03, 0.0, 0.0)))
-    touch = SwingTouch(felt, GroundEstimate(0.5, 0.25), SETTINGS, LAW, DT)  # type: ignore[arg-type]
+    touch = SwingTouch(GaitValues(SETTINGS, LAW, SCALE, DT), felt, GroundEstimate(0.5, 0.25))  # type: ignore[arg-type]
     return touch, felt
 
 
@@ -225,7 +225,7 @@ def test_viability_is_the_lesser_ratio_of_offsets() -> None:
 
 def feeling(wrenches: list[list[float]], **state: Any) -> Felt:
     eye = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    felt = Felt(SCALE, LAW, DT)
+    felt = Felt(GaitValues(SETTINGS, LAW, SCALE, DT))
     places = ((0.0, 0.11, 0.0), (0.0, -0.11, 0.0))
     felt.state = BodyState(
         (0.0, 0.0, SCALE.height), POINT, POINT, places, (eye, eye), wrenches, 0.0, SCALE.mass, **state

@@ -20,7 +20,7 @@ from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import OFFSETS, Bounds, Now, Step, StepProgram, Wish
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
+from wbc.walking.stepping.settings import GaitValues
 from wbc.walking.swing import RISE
 
 MISSED, LATER = 0.02, 8
@@ -83,15 +83,9 @@ class StepDecision:
         missed: Distance of the landing from the one that was asked for, m.
     """
 
-    def __init__(
-        self,
-        settings: SteppingSettings,
-        constants: SteppingConstants,
-        scale: RobotSize,
-        ground: GroundEstimate,
-        dt: float,
-    ) -> None:
-        """Make the program; settings and constants are in SI units."""
+    def __init__(self, values: GaitValues, ground: GroundEstimate) -> None:
+        """Make the program."""
+        settings, constants, scale, dt = values
         self._s, self._c, self._scale, self._ground = settings, constants, scale, ground
         self.area, self._program = HeldArea(scale.sole, constants, dt), StepProgram(scale.height)
         self._most = constants.cop_speed * dt  # change of the centre of pressure in a tick, m

@@ -19,7 +19,7 @@ from wbc.walking.stepping.course import PhaseReference, shifted
 from wbc.walking.stepping.decision import steps_of_plan
 from wbc.walking.stepping.felt import Felt
 from wbc.walking.stepping.law import SIDE, StanceAxes
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
+from wbc.walking.stepping.settings import GaitValues
 
 SHIFTED = 0.6
 """Part of the standing box to which the weight shifts ahead before footsteps: ξ must not leave the box on the way."""
@@ -32,9 +32,9 @@ class DoubleSupport:
         duration: Planned time of the shift of the weight, with the rest before the first step, s.
     """
 
-    def __init__(self, settings: SteppingSettings, constants: SteppingConstants, felt: Felt) -> None:
-        """Stand, with settings and constants in SI units."""
-        self._s, self._c, self._felt = settings, constants, felt
+    def __init__(self, values: GaitValues, felt: Felt) -> None:
+        """Stand."""
+        self._s, self._c, self._felt = values.settings, values.constants, felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self.duration = self._shift_time = self._late = 0.0
         self._footsteps: Sequence[Footstep] = ()

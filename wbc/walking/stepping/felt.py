@@ -17,7 +17,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks.stabilizer.pendulum import zmp_offset
 from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.law import Divergent, divergent_component
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants
+from wbc.walking.stepping.settings import GaitValues
 
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
@@ -117,9 +117,10 @@ class Felt:
     dcm: Divergent
     offset: Point = 0.0, 0.0
 
-    def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
+    def __init__(self, values: GaitValues) -> None:
         """Begin on both feet."""
-        self._scale, self._c, self._dt, self._gain = scale, constants, dt, lag_gain(dt, constants.cop_lag)
+        _, self._c, self._scale, self._dt = values
+        self._gain = lag_gain(self._dt, self._c.cop_lag)
         self.begin(GaitPhase.STANDING, 1)
 
     def begin(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:

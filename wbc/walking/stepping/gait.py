@@ -39,7 +39,13 @@ from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
 from wbc.walking.stepping.path import PathSteering, StepVelocity
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import (
+    GaitValues,
+    RobotSize,
+    SteppingConstants,
+    SteppingSettings,
+    in_si,
+)
 from wbc.walking.stepping.single_support import Asked, SetOff, SingleSupport
 from wbc.walking.swing import FootMotion
 
@@ -90,14 +96,14 @@ class SteppingWalk(ReferenceSource):
         Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are. Without an `extent`
         the ground is endless.
         """
-        self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
         constants = constants or SteppingConstants()
         constants.check()
-        self.constants = c = in_si(constants, scale)
-        self.dt, self.reach, self._extent = dt, reach, extent
-        self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
+        self._values = GaitValues(settings.in_si(scale), in_si(constants, scale), scale, dt)
+        self.settings, self.constants, self.scale, self.dt = self._values
+        self.com_height, self.reach, self._extent = scale.height, reach, extent
+        self.ground = GroundEstimate(self.constants.ground_share, 0.0, scale.leg / 3.0)
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
-        self.felt = Felt(scale, c, dt)
+        self.felt = Felt(self._values)
         self.begin(heading)
 
     @staticmethod
@@ -127,7 +133,7 @@ class SteppingWalk(ReferenceSource):
         its velocity. Of two feet on the ground the one that has landed a moment ago carries, and the other one swings;
         the robot stands if both have stood for longer.
         """
-        s, c, scale, dt, felt = self.settings, self.constants, self.scale, self.dt, self.felt
+        values, felt = self._values, self.felt
         self.time, self.steps_done = 0.0, 0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
@@ -136,12 +142,12 @@ class SteppingWalk(ReferenceSource):
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
-        self.height = HeightCourse(scale, dt)
+        self.height = HeightCourse(self.scale, self.dt)
         felt.begin(GaitPhase.STANDING, 1)
-        self.stand = DoubleSupport(s, c, felt)
-        self.step = SingleSupport(s, c, scale, felt, self.ground, dt)
-        held = min(self.step.decision.area.widest / c.slow_width, 1.0)
-        self.steering = PathSteering(s, scale, c, heading, dt, self._extent, held)
+        self.stand = DoubleSupport(values, felt)
+        self.step = SingleSupport(values, felt, self.ground)
+        held = min(self.step.decision.area.widest / self.constants.slow_width, 1.0)
+        self.steering = PathSteering(values, heading, self._extent, held)
         self._reader: BodyReader | None = None
         self._joins = joins  # until the first tick
         self.progress = self._record()

@@ -13,7 +13,7 @@ from wbc.walking.plans.reach import Extent
 from wbc.walking.plans.sources import AT_REST, Velocity, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.law import SIDEWAYS, Pace
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, in_si
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +62,10 @@ class PathSteering(Steering):
     """
 
     def __init__(
-        self,
-        settings: SteppingSettings,
-        scale: RobotSize,
-        constants: SteppingConstants,
-        heading: float,
-        dt: float,
-        extent: Extent | None = None,
-        held: float = 0.0,
+        self, values: GaitValues, heading: float, extent: Extent | None = None, held: float = 0.0
     ) -> None:
-        """Stand, with settings and constants of the law in SI units, on a ground of an extent, m, and `held` by it."""
+        """Stand with a heading, rad, on a ground of an extent, m, and `held` by it."""
+        settings, constants, scale, dt = values
         self._sole, self._plan_time, self._held_gain = scale.sole, constants.plan_time, constants.held_gain
         self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
         self._pace = pace = Pace.of(constants, settings, scale)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Annotated, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -331,6 +331,15 @@ class SteppingSettings:
                 f"feet must stand further apart than the soles are wide ({si.gap:.3f} m with the gap) and nearer than "
                 f"widest; got width {si.width:.3f} m and widest {si.widest:.3f} m"
             )
+
+
+class GaitValues(NamedTuple):
+    """Values that all parts of one walk share, in SI units."""
+
+    settings: SteppingSettings
+    constants: SteppingConstants
+    scale: RobotSize
+    dt: float  # control period, s
 
 
 def in_si(values: T, scale: RobotSize) -> T:

@@ -27,7 +27,7 @@ from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan
 from wbc.walking.stepping.felt import Felt, Frames
 from wbc.walking.stepping.law import SIDE, SIDEWAYS, Orbit, StanceAxes
 from wbc.walking.stepping.path import StepVelocity
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, swing_shape
+from wbc.walking.stepping.settings import GaitValues, swing_shape
 from wbc.walking.stepping.touch import SwingTouch
 from wbc.walking.swing import RISE, SwingFoot
 
@@ -80,24 +80,17 @@ class SingleSupport:
         met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
     """
 
-    def __init__(
-        self,
-        settings: SteppingSettings,
-        constants: SteppingConstants,
-        scale: RobotSize,
-        felt: Felt,
-        ground: GroundEstimate,
-        dt: float,
-    ) -> None:
-        """Make all parts, with settings and constants in SI units."""
+    def __init__(self, values: GaitValues, felt: Felt, ground: GroundEstimate) -> None:
+        """Make all parts."""
+        settings, constants, scale, dt = values
         self._s, self._c, self._felt, self._ground = settings, constants, felt, ground
         self.course = FallCourse(scale, dt)
         self._dt, self._period = dt, max(1, round(constants.period / dt))  # of decisions, ticks
         self._time_gain = lag_gain(dt, constants.time_lag)
         self._level_gain = lag_gain(dt, constants.level_lag)
         self._shape = swing_shape(settings, constants)
-        self.decision = StepDecision(settings, constants, scale, ground, dt)
-        self.touch = SwingTouch(felt, ground, settings, constants, dt)
+        self.decision = StepDecision(values, ground)
+        self.touch = SwingTouch(values, felt, ground)
         self.first, self.nominal, self.duration = True, settings.step_time, 0.0
         self.swing: SwingFoot | None = None
         self.met: float | None = None

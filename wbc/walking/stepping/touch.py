@@ -10,7 +10,7 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.felt import ORIGIN, Felt
 from wbc.walking.stepping.law import Orbit, StanceAxes, takes_over, viability
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
+from wbc.walking.stepping.settings import GaitValues
 from wbc.walking.swing import SwingFoot
 
 MOST_URGENCY, LEAST_TIME = 0.5, 0.8
@@ -20,17 +20,11 @@ MOST_URGENCY, LEAST_TIME = 0.5, 0.8
 class SwingTouch:
     """Contact of the swing foot of one walk."""
 
-    def __init__(
-        self,
-        felt: Felt,
-        ground: GroundEstimate,
-        settings: SteppingSettings,
-        constants: SteppingConstants,
-        dt: float,
-    ) -> None:
+    def __init__(self, values: GaitValues, felt: Felt, ground: GroundEstimate) -> None:
         """Begin a step."""
-        self._felt, self._ground, self._s, self._c, self._dt = felt, ground, settings, constants, dt
-        self._gain = lag_gain(dt, constants.cop_lag)
+        self._felt, self._ground = felt, ground
+        self._s, self._c, _, self._dt = values
+        self._gain = lag_gain(self._dt, self._c.cop_lag)
         self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
         self.begin()
 
