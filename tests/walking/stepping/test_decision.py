@@ -282,8 +282,10 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
     wish = steps_of_velocity((0.1, 0.0), SETTINGS.width, stance)
     made.decide(stance, wish, 0.5, None)
     free = made.place
-    stiffness = made._program.stiffness()
-    chosen = made._choose(stance, free, 0.3)
+    (behind, ahead), (inside, outside) = made.area.ahead, made._aside(stance)
+    area = (behind, inside), (ahead, outside)
+    stiffness = made._program.stiffness(area)
+    chosen = made._choose(stance, area, free, 0.3)
     assert chosen == pytest.approx((free[0] + 0.02, free[1]))
     landing, allowed, cost = ground.asked
     assert (landing.x, landing.y, landing.side) == (*free, "left" if side > 0.0 else "right")
@@ -302,15 +304,15 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
         (0.0, 1.01 * s.widest, False),
     ):
         assert allowed(x + ahead, side * outwards) == within
-    assert made._choose(stance, (free[0] + 0.5 * CONSTANTS.again, free[1]), 0.3) == chosen, (
+    assert made._choose(stance, area, (free[0] + 0.5 * CONSTANTS.again, free[1]), 0.3) == chosen, (
         "it has hardly moved"
     )
-    again = made._choose(stance, (free[0] + 1.5 * CONSTANTS.again, free[1]), 0.3)
+    again = made._choose(stance, area, (free[0] + 1.5 * CONSTANTS.again, free[1]), 0.3)
     assert again == pytest.approx((free[0] + 1.5 * CONSTANTS.again + 0.02, free[1]))
     early = stance._replace(elapsed=0.9 * CONSTANTS.choice * 0.4 / CONSTANTS.touch)
     moved = (free[0] + 9.0, free[1])
-    assert made._choose(early, moved, 0.4 - early.elapsed) == again, "it is too early"
-    assert made._choose(stance, moved, 0.11) == again, "it is too late"
+    assert made._choose(early, area, moved, 0.4 - early.elapsed) == again, "it is too early"
+    assert made._choose(stance, area, moved, 0.11) == again, "it is too late"
 
 
 def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None:

@@ -169,7 +169,7 @@ def test_a_landing_that_is_held_costs_what_its_stiffness_says(move: tuple[float,
     now = Now(tuple(start_of(wish) + (0.01, 0.005)), (0.0, 0.0), OMEGA, TIME, TIME)
     step = program.solve(now, wish, free)
     assert step is not None
-    stiffness, least = program.stiffness(), _cost(program)
+    stiffness, least = program.stiffness(wide), _cost(program)
     held = ((step.place[0] + move[0], step.place[1] + move[1]),) * 2
     assert program.solve(now, wish, free, held)
     delta = np.array(move)
@@ -310,7 +310,7 @@ def test_a_landing_is_the_stiffer_the_smaller_the_area_of_the_pressure_is(size: 
         [[np.diag(costs), np.vstack((rows, held)).T], [np.vstack((rows, held)), np.zeros((8, 8))]]
     )
     found = np.linalg.solve(matrix, np.vstack((np.zeros((23, 2)), np.eye(2))))[:17]
-    np.testing.assert_allclose(program.stiffness(), found.T @ np.diag(costs) @ found, rtol=1e-4)
+    np.testing.assert_allclose(program.stiffness(area), found.T @ np.diag(costs) @ found, rtol=1e-4)
 
 
 def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole() -> None:

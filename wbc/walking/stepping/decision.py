@@ -153,7 +153,7 @@ class StepDecision:
         self.missed = off = math.dist(step.place, wish.places[:2])
         self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
         free = self._centre(stance, step.place)
-        chosen = None if look is None else self._choose(stance, free, look)
+        chosen = None if look is None else self._choose(stance, bounds.area, free, look)
         if chosen is not None:
             x, y = axes.offset(*chosen)
             there = (x + c.carrying, y), (x + c.carrying, y)
@@ -340,14 +340,17 @@ class StepDecision:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
         return stance.axes.point(place[0] - self._c.carrying, place[1])
 
-    def _choose(self, stance: StepState, free: Point, look: float) -> Point | None:
-        """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
+    def _choose(self, stance: StepState, area: tuple[Point, Point], free: Point, look: float) -> Point | None:
+        """Return the place near the program's landing where the sole is to rest; None where none is chosen.
+
+        The area is that of the shift of the centre of pressure.
+        """
         s, c = self._s, self._c
         moved = self._chosen_about is None or math.dist(free, self._chosen_about) > c.again
         early = stance.elapsed < c.choice * (stance.elapsed + look) / c.touch
         if early or look <= LAST_LOOK or not moved:
             return self._chosen
-        k = self._program.stiffness() * (c.balance_cost / self._scale.height**2)
+        k = self._program.stiffness(area) * (c.balance_cost / self._scale.height**2)
         aside = stance.axes.side * k[0, 1]
 
         def cost(moves: Places) -> Array:

@@ -38,6 +38,9 @@ of pressure costs nearly nothing."""
 AREA_COST = 1e-3
 """Cost of a shift of the centre of pressure over the whole area in the stiffness of a landing, of that of the time."""
 
+SMALLEST = 1e-6
+"""Least extent of an area in the stiffness of a landing, m."""
+
 FREE, FAR = 100.0, 1e4
 """Bound of what is not bounded, m; that of the last offset over a landing that is held, of which an error has grown by
 E² until then."""
@@ -150,19 +153,20 @@ class StepProgram:
         x, _, flag, _ = daqp.solve(self._hessian, self._gradient, rows, high, low, self._sense)
         if flag < 1:
             return None
-        self.x, self._area = x, bounds.area
+        self.x = x
         ahead, outwards, d_ahead, d_outwards = x[0], x[1], x[6], x[7]
         time = math.log(max(float(x[TIME]) * tau, 1.0)) / omega
         return Step((float(ahead), float(outwards)), (float(d_ahead), float(d_outwards)), time)
 
-    def stiffness(self) -> Array:
+    def stiffness(self, area: tuple[Point, Point]) -> Array:
         """Return K, shape (2, 2), 1/m²: a landing that is held δ away from that of the last solution costs δᵀ K δ / 2.
 
-        Bounds count for the shift of the centre of pressure alone, which costs the more the smaller the area is.
+        Of the bounds the least and the greatest shift of the centre of pressure, m, alone count: a shift costs the more
+        the smaller the area is.
         """
         costs = self._costs.copy()
-        area = np.subtract(self._area[1], self._area[0])
-        costs[SHIFT] += AREA_COST * self._costs[TIME] / np.maximum(area, 1e-6) ** 2
+        size = np.maximum(np.subtract(area[1], area[0]), SMALLEST)
+        costs[SHIFT] += AREA_COST * self._costs[TIME] / size**2
         rows = self._rows[:, 2:]
         compliance: Array = (rows / costs[2:]) @ rows.T
         stiffness: Array = np.linalg.inv(compliance)[:2, :2] + costs[0] * np.eye(2)
