@@ -266,7 +266,7 @@ def test_a_plan_is_walked_after_a_drive() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["g1", "hrp4_class"])
+@pytest.mark.parametrize("robot", ["g1", "hrp4_class", "talos"])
 def test_footsteps_are_met_while_nothing_pushes(robot: str) -> None:
     """A plan is a promise: each sole lands within 10 mm of its footstep in the estimated world."""
     plant = wbc.Plant(wbc.load_robot(robot), noise="realistic", seed=3, control_period=DT)
