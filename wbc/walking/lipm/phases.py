@@ -32,7 +32,6 @@ class PlanPhases:
     def __init__(self, feet: FootstepPlan) -> None:
         """Stand on the feet of a plan without steps."""
         self.plan, self.gait, self.step = feet, feet.gait.full, 0
-        self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self._enter(GaitPhase.STANDING, 0.0)
         self._face()
 
@@ -105,9 +104,7 @@ class PlanPhases:
         """Return the schedule from now on."""
         if self.rests and len(self.plan) > 0:
             return (SupportPhase(HOLD, self.plan.final, HOLD),)
-        if self._schedule is None or self._schedule[0] is not self.plan:
-            self._schedule = self.plan, schedule(self.plan)
-        whole = self._schedule[1]
+        whole = schedule(self.plan)
         if self.phase is GaitPhase.STANDING:
             return whole
         index = 2 * self.step + (self.phase is GaitPhase.SINGLE)
