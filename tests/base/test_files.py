@@ -28,7 +28,6 @@ from wbc.base.files import (
     read_toml,
     read_xml,
     replacing,
-    same_file,
     write_text,
 )
 
@@ -112,17 +111,6 @@ def test_permissions_and_symbolic_links_stay(old: Path) -> None:
     plain.touch()
     write_text(old.with_name("fresh.csv"), "new")
     assert old.with_name("fresh.csv").stat().st_mode == plain.stat().st_mode
-
-
-def test_the_same_file_is_known_by_all_its_names(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    symbolic, hard, other = (old.with_name(name) for name in ("symbolic", "hard", "other"))
-    symbolic.symlink_to(old)
-    hard.hardlink_to(old)
-    other.write_text(OLD)
-    monkeypatch.chdir(old.parent)
-    for path in (symbolic, hard, Path(old.name), Path("../") / old.parent.name / old.name):
-        assert same_file(old, path) and same_file(path, old)
-    assert not same_file(old, other) and not same_file(old, "missing") and not same_file(old, "a\0b")
 
 
 def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:

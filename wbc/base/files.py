@@ -48,9 +48,7 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
     with parsing(path, kind):
         found = os.stat(path)
         if not stat.S_ISREG(found.st_mode):
-            raise InputError(
-                f"{_line(path)} cannot be read: it is {_SORTS.get(stat.S_IFMT(found.st_mode), 'no file')}"
-            )
+            raise InputError(f"{_line(path)} cannot be read: it is no regular file")
         if found.st_size > largest:
             raise InputError(f"{_line(path)} has {found.st_size} bytes; a {kind} may have {largest} at most")
         yield Path(path)
@@ -82,15 +80,6 @@ def parsing(path: str | Path, kind: str) -> Iterator[None]:
 
 def _line(path: str | Path) -> str:
     return str(path) if str(path).isprintable() else shown_path(path)
-
-
-_SORTS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFSOCK: "a socket",
-}
 
 
 def read_text(path: Path, kind: str = "text file") -> str:
@@ -234,7 +223,7 @@ def check_target(
     for given in inputs:
         # The value of a setting may be a file; a file may have an equals sign in its name.
         named = () if given is None else (str(given), str(given).partition("=")[2])
-        if any(name and same_file(target, name) for name in named):
+        if os.path.realpath(target) in map(os.path.realpath, filter(None, named)):
             raise InputError(f"cannot write {what} to {target}: it is read, too; choose another name")
     return target
 
@@ -252,15 +241,6 @@ def _check_writable(path: Path) -> None:
             raise OSError("it is write-protected")
     with tempfile.TemporaryFile(dir=path.resolve().parent):
         pass
-
-
-def same_file(one: str | Path, other: str | Path) -> bool:
-    """Return true if two paths lead to the same file, by symbolic or hard links, too."""
-    one, other = Path(one), Path(other)
-    try:
-        return one.resolve() == other.resolve() or os.path.samefile(one, other)
-    except (OSError, ValueError):  # one of them does not exist, or is no path
-        return False
 
 
 def file_hash(path: str | Path) -> str:
