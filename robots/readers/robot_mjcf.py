@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import ModelError
+from wbc.base.errors import ModelError, shown
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
@@ -82,7 +82,10 @@ def fields(
         if isinstance(left_sole, Sole) and isinstance(right_sole, Sole):
             return (left_sole, right_sole), []
         if isinstance(left_sole, FrameDescription) or isinstance(right_sole, FrameDescription):
-            raise ModelError("give both soles as a Sole, or none")
+            raise ModelError(
+                "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
+                f"{shown(left_sole)} and {shown(right_sole)}"
+            )
         return feet_mjcf.find_soles(tree, (left_sole, right_sole), sole_size, turn)
 
     where = "MjSpec"
