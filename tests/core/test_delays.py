@@ -188,7 +188,7 @@ def test_a_robot_that_rises_is_felt_to_be_heavier() -> None:
     estimator, v = WrenchEstimator(robot, DT), np.zeros(robot.nv)
     for _ in range(100):
         v[2] += 2.0 * DT
-        wrenches = estimator.update(robot.half_sitting, v, torque)
+        wrenches = estimator.update(robot.half_sitting, v, torque, np.nan)
     np.testing.assert_allclose(wrenches[:, 2], normal, rtol=0.02)
     assert normal.sum() == pytest.approx(robot.mass * (GRAVITY + 2.0))
 
@@ -198,12 +198,12 @@ def test_the_time_that_has_passed_counts_between_a_quarter_and_four_periods() ->
     robot, _, before = carried(0.5)
     later = carried(0.2)[2]
 
-    def after(passed: float | None) -> np.ndarray:
+    def after(passed: float) -> np.ndarray:
         estimator, v = WrenchEstimator(robot, DT), np.zeros(robot.nv)
-        estimator.update(robot.half_sitting, v, before)
+        estimator.update(robot.half_sitting, v, before, np.nan)
         return estimator.update(robot.half_sitting, v, later, passed).copy()
 
-    period = after(None)
+    period = after(np.nan)
     for share, counts in ((1.0, 1.0), (1.009, 1.0), (0.991, 1.0), (0.1, 0.25), (9.0, 4.0)):
         np.testing.assert_array_equal(after(share * DT), period if counts == 1.0 else after(counts * DT))
     normal = [after(share * DT)[1, 2] for share in (0.25, 0.9, 1.0, 1.1, 1.5, 4.0)]
@@ -226,7 +226,7 @@ def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
     for share in (0.06, 0.0, 0.06, 0.1, 0.06):
         torque = carried(share)[2]
         for _ in range(50):
-            estimator.update(robot.half_sitting, np.zeros(robot.nv), torque)
+            estimator.update(robot.half_sitting, np.zeros(robot.nv), torque, np.nan)
         found.append(estimator.contact[1])
     assert found == [True, False, False, True, True] and estimator.contact[0]
 
@@ -244,7 +244,7 @@ def test_what_holds_a_robot_beside_the_ground_is_what_its_legs_do_not_explain(ri
     effort = pin.computeGeneralizedGravity(model, data, q) - jacobians[1].T @ pressed
     estimator = WrenchEstimator(robot, DT)
     for _ in range(200):
-        wrenches = estimator.update(q, v, effort[6:], held=True)
+        wrenches = estimator.update(q, v, effort[6:], np.nan, held=True)
     assert estimator.contact == [False, right > 0.04] and not wrenches[0].any()
     np.testing.assert_allclose(
         wrenches[1], pressed if right > 0.04 else 0.0, atol=0.01 * robot.mass * GRAVITY

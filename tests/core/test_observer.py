@@ -315,11 +315,14 @@ def test_wrenches_from_torques_count_springs_and_damping_of_the_robot() -> None:
         more[knee] = 100.0 * q[7 + knee] + 30.0 * v[6 + knee]
         more[hip] = 60.0 * (q[7 + hip] + 0.4) + 20.0 * v[6 + hip]
         np.testing.assert_allclose(
-            sprung.update(q, v, torque + more), plain.update(q, v, torque), rtol=1e-6, atol=1e-6
+            sprung.update(q, v, torque + more, np.nan),
+            plain.update(q, v, torque, np.nan),
+            rtol=1e-6,
+            atol=1e-6,
         )
     plain.reset()
     for _ in range(400):
-        found = plain.update(robot.q, np.zeros(robot.nv), torque)
+        found = plain.update(robot.q, np.zeros(robot.nv), torque, np.nan)
     np.testing.assert_allclose(found[:, 2], wrenches[:, 2], rtol=0.1)
     assert plain.contact == [True, True]
 
@@ -449,5 +452,5 @@ def test_a_foot_that_lifts_has_no_wrench_and_the_other_one_carries() -> None:
         jacobian = pin.computeFrameJacobian(robot.model, robot.model.createData(), robot.q, frame, pin.LOCAL)
         torque -= jacobian[:, 6:].T @ [0.0, 0.0, 0.5 * weight, 0.0, 0.0, 0.0]
     for _ in range(100):
-        found = estimator.update(robot.q, np.zeros(robot.nv), torque, lifts=(True, False))
+        found = estimator.update(robot.q, np.zeros(robot.nv), torque, np.nan, lifts=(True, False))
     assert estimator.contact == [False, True] and not found[0].any() and found[1, 2] > 0.4 * weight

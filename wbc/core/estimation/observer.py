@@ -246,26 +246,11 @@ class Observer:
         inertial.predict(gyro, measurement.specific_force, dt)
         base = inertial.rotation.dot(self._imu_rotation_t)
         spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - base.dot(imu_rate.angular)
-        turn, turning = base.tolist(), spin.tolist()
-        self._wrenches = wrenches = measurement.wrenches.tolist()
-        self.load_shares = shares = self._bear(wrenches, turn, dt, first)
-        moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
-        self._imu_motion = x, y, z = add_cross(moving, turning, at_imu)
-        model, data = self.robot.model, self._data
-        for foot, sole in zip(self._feet, self._soles, strict=True):
-            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), turn, turning)
-        u, v, w = inertial.velocity.tolist()
-        expected, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
-        slip = self.settings.slip + self.sinking.speed
-        self.rest = rest = self._detector.update(self._feet, shares, expected, steady, slip, dt)
-
-        legs, yaw_error = None, 0.0
-        if any(rest.shares):
-            (u, v, w), yaw_error = self._base_by_legs(rest.shares)
-            legs = u + x, v + y, w + z
-            if first or rest.struck:
-                inertial.take(np.array(legs))
-        elif any(rest.slides):
+        self.rest = rest = self._move_feet(measurement, base.tolist(), spin.tolist(), imu_rate, dt, first)
+        legs, yaw_error = self._imu_by_legs(rest.shares)
+        if legs is not None and (first or rest.struck):
+            inertial.take(np.array(legs))
+        elif legs is None and any(rest.slides):
             inertial.return_to_steady()
         inertial.correct(legs, yaw_error, dt)
         if rest.sliding and legs is not None:
@@ -297,6 +282,26 @@ class Observer:
             pin.updateFramePlacement(model, data, frame)
         return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
+    def _move_feet(
+        self, m: Measurement, base: Rotation, spin: Vector, imu_rate: pin.Motion, dt: float, first: bool
+    ) -> FeetAtRest:
+        """Take in what the feet bear and how they move, and return which of them rest.
+
+        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `imu_rate` is the velocity
+        of the IMU in the base frame.
+        """
+        model, data, inertial = self.robot.model, self._data, self.inertial
+        self._wrenches = wrenches = m.wrenches.tolist()
+        self.load_shares = shares = self._bear(wrenches, base, dt, first)
+        moving, at_imu = turned_all(base, (imu_rate.linear.tolist(), self._imu_position.tolist()))
+        self._imu_motion = x, y, z = add_cross(moving, spin, at_imu)
+        for foot, sole in zip(self._feet, self._soles, strict=True):
+            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
+        u, v, w = inertial.velocity.tolist()
+        expected, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
+        slip = self.settings.slip + self.sinking.speed
+        return self._detector.update(self._feet, shares, expected, steady, slip, dt)
+
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
             value = m.wrenches if name == "sole_wrench" else getattr(m, name)
@@ -323,12 +328,16 @@ class Observer:
         total = sum(loads)
         return [load / total for load in loads] if total > 0.0 else loads
 
-    def _base_by_legs(self, shares: Sequence[float]) -> tuple[Vector, float]:
-        """Return the velocity of the base by the feet that rest, m/s, and the error of its yaw, rad.
+    def _imu_by_legs(self, shares: Sequence[float]) -> tuple[Vector | None, float]:
+        """Return the velocity of the IMU by the feet that rest, m/s, None in flight, and the error of its yaw, rad.
 
-        The velocity is in the world, of a base that does not turn. A foot that spins tells no yaw: its heading follows.
+        The velocity is in the world. A foot that spins tells no yaw: its heading follows.
         """
-        vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
+        if not any(shares):
+            return None, 0.0
+        vx = vy = vz = (
+            0.0  # of the base: minus the velocity that the anchors would have if the base only turned
+        )
         yaw_error = 0.0
         for foot, share in zip(self._feet, shares, strict=True):
             if share == 0.0:
@@ -339,7 +348,8 @@ class Observer:
                 foot.turn()
             else:
                 yaw_error += share * wrapped(foot.yaw - foot.ahead)
-        return (vx, vy, vz), yaw_error
+        x, y, z = self._imu_motion
+        return (vx + x, vy + y, vz + z), yaw_error
 
     def _update_position(
         self, base: Rotation, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float

@@ -401,12 +401,7 @@ class Plausibility:
         self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None
     ) -> Measurement:
         """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
-        na, last = self._na, self._values
-        wrong = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
-        if last is not None:  # an encoder may have travelled while it was refused
-            travel = self._step + self._speed * self._lasting[:na]
-            wrong[:na] |= ~(np.abs(values[:na] - last[:na]) <= travel)
-            wrong[self._gyro] |= ~(np.abs(values[self._gyro] - last[self._gyro]) <= self.settings.gyro_jump)
+        na, last, wrong = self._na, self._values, self._wrong(values)
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
@@ -427,25 +422,42 @@ class Plausibility:
                 f"{', '.join(map(str, self.reasons[:4]))} refused for {lasting:.3f} s; {HINT}"
             )
         lost = last is None or bool((self._lasting[needed:] > longest).any())
-        last = np.zeros_like(values) if last is None else last
-        repaired = values.copy()
-        replaced = bad[self._groups]
-        repaired[replaced] = last[replaced]
-        encoders, rates = bad[:na], bad[na : 2 * na]
-        repaired[na : 2 * na][rates & ~encoders] = ((values[:na] - last[:na]) / dt)[rates & ~encoders]
-        np.clip(repaired[na : 2 * na], -self._speed, self._speed, out=repaired[na : 2 * na])
-        forgiven = encoders & others  # such a joint may stay where it is: it is where it says, in range
-        repaired[na : 2 * na][forgiven] = 0.0
-        repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
-        read = forgiven & np.isfinite(values[:na])
-        low, high = (self._middle + sign * self._bound for sign in (-1.0, 1.0))
-        repaired[:na][read] = np.clip(values, low, high)[:na][read]
-        self._values = repaired
+        self._values = repaired = self._predicted(values, bad, dt, others)
         parts = np.split(repaired, [na, 2 * na, 2 * na + 3, 2 * na + 6])
         arrays: dict[str, Any] = {
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
         return replace(m, **arrays | ({"sole_wrench": None} if lost else {}))
+
+    def _wrong(self, values: Array) -> NDArray[np.bool_]:
+        """Return which numbers are beyond their ranges, or too far from the last ones."""
+        na, last, gyro = self._na, self._values, self._gyro
+        wrong: NDArray[np.bool_] = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
+        if last is not None:  # an encoder may have travelled while it was refused
+            travel = self._step + self._speed * self._lasting[:na]
+            wrong[:na] |= ~(np.abs(values[:na] - last[:na]) <= travel)
+            wrong[gyro] |= ~(np.abs(values[gyro] - last[gyro]) <= self.settings.gyro_jump)
+        return wrong
+
+    def _predicted(
+        self, values: Array, bad: NDArray[np.bool_], dt: float, others: NDArray[np.bool_]
+    ) -> Array:
+        """Return all numbers, those of bad sensors predicted over the time that has passed, s."""
+        na, last = self._na, np.zeros_like(values) if self._values is None else self._values
+        predicted = values.copy()
+        replaced = bad[self._groups]
+        predicted[replaced] = last[replaced]
+        position, velocity = predicted[:na], predicted[na : 2 * na]  # views
+        encoders, rates = bad[:na], bad[na : 2 * na]
+        velocity[rates & ~encoders] = ((values[:na] - last[:na]) / dt)[rates & ~encoders]
+        np.clip(velocity, -self._speed, self._speed, out=velocity)
+        forgiven = encoders & others  # such a joint may stay where it is: it is where it says, in range
+        velocity[forgiven] = 0.0
+        position[encoders] += dt * velocity[encoders]
+        read = forgiven & np.isfinite(values[:na])
+        low, high = (self._middle + sign * self._bound for sign in (-1.0, 1.0))
+        position[read] = np.clip(values, low, high)[:na][read]
+        return predicted
 
 
 def _worst(values: Array, most: Array) -> tuple[int, float]:

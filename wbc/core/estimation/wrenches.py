@@ -196,7 +196,7 @@ class WrenchEstimator:
         q: Array,
         v: Array,
         torque: Array,
-        passed: float | None = None,
+        passed: float,
         *,
         held: bool = False,
         lifts: Sequence[bool] = (),
@@ -204,11 +204,36 @@ class WrenchEstimator:
         """Take over a state, and the mean joint torques in the control period that led there, shape (na,), Nm.
 
         `passed` is the time since the last call, s, taken within a quarter and four control periods; one of them when
-        None. Something else than the ground, such as a crane, may hold a robot that is `held`: the wrench of a foot is
+        NaN. Something else than the ground, such as a crane, may hold a robot that is `held`: the wrench of a foot is
         then what the joints of its leg tell, and the rest of the residual is `outside`. A foot that `lifts`, moving up
         or down, has no wrench: what loads its leg is not the ground. Returned is `wrench`, the same array each time.
         """
-        model, data, s = self._model, self._data, self.settings
+        whole = self._observe_momentum(q, v, torque, passed)
+        for frame, place in zip(self._frames, self._soles, strict=True):
+            self._jacobian[place] = frame_jacobian(self._model, self._data, frame, pin.LOCAL)
+        residual = self._scale * whole.take(self._rows)
+        matrix = self._jacobian.take(self._rows, axis=1)
+        matrix *= self._scale
+        alone = [
+            self._solve(matrix[place, leg], residual[leg])
+            for leg, place in zip(self._legs, self._soles, strict=True)
+        ]
+        self._touch([float(wrench[2]) for wrench in alone], lifts)
+        soles = [i for i, on in enumerate(self.contact) if on]
+        self.wrench[:] = 0.0
+        if held:
+            self.outside[:] = whole
+            for i in soles:
+                self.wrench[i] = alone[i]
+                self.outside -= alone[i].dot(self._jacobian[self._soles[i]])
+        elif soles:
+            carrying = matrix.reshape(len(self._legs), 6, -1)[soles].reshape(6 * len(soles), -1)
+            self.wrench[soles] = self._solve(carrying, residual).reshape(-1, 6)
+        return self.wrench
+
+    def _observe_momentum(self, q: Array, v: Array, torque: Array, passed: float) -> Array:
+        """Return the residual of the generalised momentum, shape (nv,); arguments are as in `update`."""
+        model, data, residual, dt = self._model, self._data, self._residual, self._dt
         mass = pin.crba(model, data, q, pin.Convention.WORLD)
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
         gravity = pin.computeGeneralizedGravity(model, data, q)
@@ -217,37 +242,20 @@ class WrenchEstimator:
         known[BASE_DOF:] += torque
         if self._robot.springs is not None or self._robot.damping is not None:
             known[BASE_DOF:] -= self._robot.passive_torques(q, v)
-        if self._residual.started:
-            dt = self._dt
-            if passed is not None and abs(passed - dt) > ON_TIME * dt:
-                dt = min(max(passed, 0.25 * dt), 4.0 * dt)
-            self._residual.update(momentum, known, dt)
-        else:
-            self._residual.follow(momentum)
-            np.negative(known, out=self._residual.value)  # that of a robot at rest
-        for frame, place in zip(self._frames, self._soles, strict=True):
-            self._jacobian[place] = frame_jacobian(model, data, frame, pin.LOCAL)
-        residual = self._scale * self._residual.value.take(self._rows)
-        matrix = self._jacobian.take(self._rows, axis=1)
-        matrix *= self._scale
-        soles, alone, weight = [], [], self._robot.mass * GRAVITY
-        for i, (leg, place) in enumerate(zip(self._legs, self._soles, strict=True)):
-            alone.append(self._solve(matrix[place, leg], residual[leg]))
-            normal = alone[i][2] / weight
-            loaded = normal > (s.lift_off if self.contact[i] else s.touch_down)
+        if not residual.started:
+            residual.follow(momentum)
+            np.negative(known, out=residual.value)  # that of a robot at rest
+            return residual.value
+        if abs(passed - dt) > ON_TIME * dt:
+            dt = min(max(passed, 0.25 * dt), 4.0 * dt)
+        return residual.update(momentum, known, dt)
+
+    def _touch(self, normal: Sequence[float], lifts: Sequence[bool]) -> None:
+        """Find the feet on the ground by the normal forces that their legs tell, N."""
+        s, weight = self.settings, self._robot.mass * GRAVITY
+        for i, force in enumerate(normal):
+            loaded = force / weight > (s.lift_off if self.contact[i] else s.touch_down)
             self.contact[i] = loaded and not (lifts and lifts[i])
-            if self.contact[i]:
-                soles.append(i)
-        self.wrench[:] = 0.0
-        if held:
-            self.outside[:] = self._residual.value
-            for i in soles:
-                self.wrench[i] = alone[i]
-                self.outside -= alone[i].dot(self._jacobian[self._soles[i]])
-        elif soles:
-            carrying = matrix.reshape(len(self._legs), 6, -1)[soles].reshape(6 * len(soles), -1)
-            self.wrench[soles] = self._solve(carrying, residual).reshape(-1, 6)
-        return self.wrench
 
     def _solve(self, matrix: Array, residual: Array) -> Array:
         """Return the wrenches of some soles, shape (6 · soles,), that explain rows of the scaled residual best.

@@ -205,9 +205,7 @@ class Hand:
         return min(self.force.after(time), self._most)
 
     def planned_wrench(self, time: float) -> Array:
-        """Return the planned wrench on it after a time, s, at the world origin, shape (6,); zero while it grips."""
-        if self.state not in (HandState.HOLD, HandState.LOST):
-            return np.zeros(6)
+        """Return the planned wrench on it after a time, s, at the world origin, shape (6,), N and Nm."""
         push = -self.planned_after(time) * self.direction
         return np.concatenate((push, np.cross(self.measured.act(self.tip), push)))
 

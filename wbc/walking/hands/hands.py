@@ -323,9 +323,10 @@ class Hands:
             if hand.at_work:
                 reading = None if readings is None else readings[hand.index]
                 wrench = hand.update(reading, solution, dt, self._excess.get(hand.name, ZERO))
-                if wrench is not None:
-                    total = pulled if hand.state is HandState.GRIP else felt
-                    total += wrench
+                if hand.state is HandState.GRIP:
+                    pulled += wrench
+                elif wrench is not None:
+                    felt += wrench
                     planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         return felt, pulled, planned
 
@@ -338,7 +339,7 @@ class Hands:
         if not gripping:
             return {}
         forces = np.array([hand.felt for hand in gripping])
-        mean = forces.mean(axis=0)
+        mean = forces.sum(axis=0) / len(gripping)
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.ordered for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
