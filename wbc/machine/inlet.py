@@ -18,7 +18,8 @@ from wbc.core.signals import SIGNALS, Measurement
 logger = logging.getLogger(__name__)
 
 STILL = 3
-"""Number of new measurements in a row with the same time stamp after which the stamp is taken for no clock."""
+"""Number of new measurements in a row with the same time stamp after which the stamp is taken for no clock: fewer than
+for `Stamps` in a control, since those before are not used here, while a control counts them at once."""
 
 STRETCH, MOVED = 0.1, 0.02
 """Time over which motions by encoders and by velocities are compared, s, and least length of one that counts, rad."""

@@ -304,7 +304,7 @@ class DriveControl(Control):
             parts.append(f"refused: {', '.join(sensing.plausibility.faults)}")
         if sensing.accelerometer.left_out:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
-        parts += [each for each in (sensing.plausibility.pull, sensing.plausibility.pace) if each]
+        parts += [each for each in (sensing.plausibility.pull, sensing.plausibility.stamps.pace) if each]
         if sensing.monitor is not None and sensing.monitor.doubts:
             parts.append(f"doubtful: {', '.join(sensing.monitor.doubts)}")
         if self.solution is not None and not self.failing:

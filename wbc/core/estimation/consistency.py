@@ -18,9 +18,8 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.core.estimation.foot import STILL
 from wbc.core.estimation.frozen import FrozenReadings
-from wbc.core.estimation.gyroscope import GyroscopeComparison
 from wbc.core.estimation.integrals import UNMET, IntegralComparison
-from wbc.core.estimation.legs import LASTING, SMOOTHING, LegComparison
+from wbc.core.estimation.legs import LASTING, SMOOTHING, GyroscopeComparison, LegComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement

@@ -194,8 +194,9 @@ class Observer:
         self.sinking.reset()
         self._wrenches = [[0.0] * 6] * len(robot.soles)
         self._feet = [FootEstimate(sole, robot.placement(sole.frame)) for sole in robot.soles]
-        self._detector, self.rest = RestDetector(len(self._feet)), FeetAtRest.none(len(self._feet))
-        self.load_shares = [0.0] * len(self._feet)
+        n = len(self._feet)
+        self._detector, self.load_shares = RestDetector(n), [0.0] * n
+        self.rest = FeetAtRest([0.0] * n, [False] * n, [False] * n)
         # Velocity of the IMU in the world while the base does not move but turns, m/s.
         self._imu_motion: Vector = STILL
 

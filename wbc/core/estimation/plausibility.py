@@ -305,11 +305,6 @@ class Plausibility:
         return replace(m, **formed)
 
     @property
-    def pace(self) -> str:
-        """Sentence that measurements do not come at the period of the controller, or without a clock; else empty."""
-        return self.stamps.pace
-
-    @property
     def faults(self) -> tuple[str, ...]:
         """Signals that are refused at present, such as "encoder of left_knee"; empty when all is well."""
         return self._faults + self._optional_faults

@@ -56,11 +56,6 @@ class FeetAtRest(NamedTuple):
     struck: bool = False
     sliding: bool = False
 
-    @staticmethod
-    def none(feet: int) -> FeetAtRest:
-        """Return the record of a number of feet of which none rests, and none moves."""
-        return FeetAtRest([0.0] * feet, [False] * feet, [False] * feet)
-
 
 class RestDetector:
     """Detector of the feet that rest."""

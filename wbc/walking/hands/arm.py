@@ -232,12 +232,9 @@ class Arm:
     @property
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
-        if self._goal is None:
-            return False
-        if self._moves:
-            return True
-        left = self._left(self._reference)
-        return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
+        left = self._left(self._reference)  # zero without a target
+        far = np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED
+        return bool(self._moves or far)
 
     @property
     def speed(self) -> float:

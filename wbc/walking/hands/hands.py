@@ -292,7 +292,20 @@ class Hands:
             return None
         rests = reference.progress.phase is GaitPhase.STANDING
         self._watch_slip(measurement, rests, dt)
-        felt, pulled, planned = self._advance(measurement.hand_wrenches, dt)
+        # Wrenches on hands that press, on those that grip, and that which is planned, at the world origin.
+        felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
+        readings, solution = measurement.hand_wrenches, self._controller.solution
+        for hand in self.all.values():
+            if hand.at_work:
+                reading = None if readings is None else readings[hand.index]
+                wrench = hand.update(reading, solution, dt, self._excess.get(hand.name, ZERO))
+                if wrench is None:
+                    continue
+                if hand.state is HandState.GRIP:
+                    pulled += wrench
+                else:
+                    felt += wrench
+                    planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         self._excess = self._yielded(rests)
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
@@ -311,24 +324,6 @@ class Hands:
         turned = heading(self._imu @ before) if self.active else 0.0
         self._slip.update(measurement.angular_velocity, self._imu[2], turned, rests, dt)
         self.slip = self._slip.angle
-
-    def _advance(self, readings: Array | None, dt: float) -> tuple[Array, Array, Array]:
-        """Advance each hand; return the wrench on hands that press, that on hands that grip, and the planned one.
-
-        All are at the world origin, shape (6,), N and Nm.
-        """
-        felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
-        solution = self._controller.solution
-        for hand in self.all.values():
-            if hand.at_work:
-                reading = None if readings is None else readings[hand.index]
-                wrench = hand.update(reading, solution, dt, self._excess.get(hand.name, ZERO))
-                if hand.state is HandState.GRIP:
-                    pulled += wrench
-                elif wrench is not None:
-                    felt += wrench
-                    planned += hand.planned_wrench(2.0 * SHIFT_TIME)
-        return felt, pulled, planned
 
     def _yielded(self, rests: bool) -> dict[str, Array]:
         """Return the forces to which hands that grip yield, shape (3,) each, N.
