@@ -148,6 +148,7 @@ def test_time_constants_of_an_observer_that_are_given_stay_and_the_others_are_th
     inertial = walking.drives.observer.inertial.settings
     assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
     assert inertial.yaw_time_constant == 1000.0
+    assert observer.settings.inertial == inertial, "the observer says what it estimates by"
 
 
 @pytest.mark.parametrize("order", ["velocity", "goal"])

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated
 
 import numpy as np
@@ -156,6 +156,7 @@ class Observer:
     def retune(self, settings: InertialSettings) -> None:
         """Change the time constants of attitude and velocity."""
         self.inertial.settings = settings
+        self.settings = replace(self.settings, inertial=settings)
 
     @property
     def load(self) -> Array:

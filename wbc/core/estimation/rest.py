@@ -96,7 +96,8 @@ class RestDetector:
             for i, (foot, load) in enumerate(zip(feet, loads, strict=True)):
                 x, y, z = foot.motion
                 speed, rise = math.hypot(x + u, y + v, z + w), z + w
-                along = self._along(i, foot, load, steady, dt)
+                self._carried[i] = self._carried[i] + dt if load > CARRIES else 0.0
+                along = self._along(foot, self._carried[i], steady)
                 self._sunk[i] = self._sunk[i] + dt if rise < -fastest and load > 0.0 else 0.0
                 lifts.append(abs(rise) > fastest)
                 slides.append(along > farthest and not lifts[i])
@@ -119,9 +120,8 @@ class RestDetector:
             self._unaided, self._sliding = 0.0, False
         return FeetAtRest([part / total for part in parts], lifts, slides, struck, self._sliding)
 
-    def _along(self, i: int, foot: FootEstimate, load: float, steady: complex, dt: float) -> float:
-        """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip."""
-        self._carried[i] = carried = self._carried[i] + dt if load > CARRIES else 0.0
+    def _along(self, foot: FootEstimate, carried: float, steady: complex) -> float:
+        """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip yet."""
         if carried <= (0.0 if self._sliding else SETTLED):
             return 0.0
         (x, y, _), (u, v, _) = foot.motion, foot.rotation
