@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
@@ -26,6 +27,9 @@ from wbc.motion.skeleton import SkeletonClip
 
 Axis = Literal["x", "y", "z"]
 Said = TypeVar("Said", float, tuple[str, ...])
+AnyArray = NDArray[Any]
+Arrays = Mapping[str, AnyArray | None]
+"""Arrays of a file by their names; None for those that stay closed."""
 
 LARGEST = 500_000_000
 """Largest file that is read, bytes."""
@@ -138,13 +142,13 @@ def read_skeleton(
                 names, positions, own_rate = read_bvh(path)
             else:
                 data = _arrays(path)
-                _need(data, "a clip of a person", "joint_names", "positions")
-                names, positions, own_rate = _texts(data["joint_names"]), data["positions"], _rate(data)
+                texts, positions = _need(data, "a clip of a person", "joint_names", "positions")
+                names, own_rate = _texts(texts), _rate(data)
             turn = 2 - "xyz".index(up or ("y" if kind == ".bvh" else "z"))
             return SkeletonClip(
                 names,
                 _agreed("rate (rate, Hz)", own_rate, rate),
-                np.roll(np.asarray(positions), turn, axis=-1),
+                np.roll(positions, turn, axis=-1),
                 path.stem,
             )
         except InputError as error:
@@ -172,7 +176,7 @@ def _known(path: Path) -> Path:
     return path
 
 
-def _arrays(path: Path) -> dict[str, Any]:
+def _arrays(path: Path) -> dict[str, AnyArray | None]:
     """Return the arrays of an .npz without opening a pickle; of arrays that are not used, None by their names."""
     with (
         decoding(path, "motion of plain arrays", largest=LARGEST) as place,
@@ -194,8 +198,9 @@ def _arrays(path: Path) -> dict[str, Any]:
         return {name: file[name] if name in USED else None for name in file.files}
 
 
-def _need(data: Mapping[str, Any], what: str, *names: str) -> None:
-    """Raise an `InputError` that names what a file has, and what it must have, where an array is missing."""
+def _need(data: Arrays, what: str, *names: str) -> list[AnyArray]:
+    """Return arrays; an `InputError` names what a file has, and what it must have, where one is missing."""
+    arrays = [array for name in names if (array := data.get(name)) is not None]
     if missing := [name for name in names if data.get(name) is None]:
         found = ", ".join(map(shown, sorted(data)[:12])) or "nothing"
         model = "; parameters of a body model (SMPL) are turned into positions of joints outside"
@@ -203,9 +208,10 @@ def _need(data: Mapping[str, Any], what: str, *names: str) -> None:
             f"it has no {', '.join(missing)}, but {found}; {what} needs {', '.join(names)}"
             f"{model if BODY_MODEL & {name.removeprefix('smpl_') for name in data} else ''}"
         )
+    return arrays
 
 
-def _rate(data: Mapping[str, Any]) -> float | None:
+def _rate(data: Arrays) -> float | None:
     """Return the frames per second of a file, Hz; None where it does not say them."""
     rate = data.get("rate", data.get("fps"))
     if rate is None:
@@ -216,7 +222,7 @@ def _rate(data: Mapping[str, Any]) -> float | None:
         raise InputError(f"rate (fps) must be one number, Hz, got {shown(rate)}") from None
 
 
-def _columns(path: Path) -> dict[str, Any]:
+def _columns(path: Path) -> dict[str, AnyArray | None]:
     """Return the columns of a .csv under the names of `write_motion`; one without a header names no joints."""
     lines = [line for line in read_text(path, "motion").splitlines() if line.strip()]
     header = [cell.strip() for cell in next(csv.reader(lines[:1]), [])]
@@ -238,7 +244,8 @@ def _columns(path: Path) -> dict[str, Any]:
     if not named:
         return {"base": values[:, :7], "joints": values[:, 7:]}
     rest = [i for i, column in enumerate(header) if column not in (*BASE_COLUMNS, "time")]
-    data = {"base": values[:, [header.index(c) for c in BASE_COLUMNS]], "joints": values[:, rest]}
+    base = values[:, [header.index(column) for column in BASE_COLUMNS]]
+    data: dict[str, AnyArray | None] = {"base": base, "joints": values[:, rest]}
     if "time" in header and len(values) > 1:
         data["rate"] = np.array(_rate_of(values[:, header.index("time")]))
     return data | {"joint_names": np.array([header[i] for i in rest])}
@@ -272,29 +279,29 @@ def _rate_of(times: Array) -> float:
     return 1.0 / step
 
 
-def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
+def _placed(data: Arrays) -> tuple[AnyArray, AnyArray]:
     """Return base and joints of arrays, or of columns, by their names."""
     if "base" in data:
-        _need(data, "a motion", "base", "joints")
-        return data["base"], data["joints"]
+        base, joints = _need(data, "a motion", "base", "joints")
+        return base, joints
     if "dof_pos" in data:
-        _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
-        return np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
+        place, turn, joints = _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
+        return np.hstack([place, turn]), joints
     if "joint_pos" not in data:
         arrays = "base and joints, or joint_pos and body_pos_w, or dof_pos and root_pos"
         _need(data, "a motion of a robot", arrays)
-    joints = np.atleast_2d(data["joint_pos"])
-    if "joint_names" in data and joints.shape[1] == data["joint_names"].size + 7:  # of MuJoCo, base first
+    (joints,) = _need(data, "a motion", "joint_pos")
+    names, joints = data.get("joint_names"), np.atleast_2d(joints)
+    if names is not None and joints.shape[1] == names.size + 7:  # of MuJoCo, base first
         return joints[:, [0, 1, 2, 4, 5, 6, 3]], joints[:, 7:]
-    _need(data, "a motion of BeyondMimic", "joint_pos", "body_pos_w", "body_quat_w")
-    root = 1 if _texts(data.get("body_names", np.array([], dtype=str)))[:1] == ("world",) else 0
-    position, quaternion = data["body_pos_w"][:, root], data["body_quat_w"][:, root]
-    return np.hstack([position, quaternion[:, [1, 2, 3, 0]]]), joints
+    places, turns = _need(data, "a motion of BeyondMimic", "body_pos_w", "body_quat_w")
+    bodies = data.get("body_names")
+    root = 1 if bodies is not None and _texts(bodies)[:1] == ("world",) else 0
+    return np.hstack([places[:, root], turns[:, root][:, [1, 2, 3, 0]]]), joints
 
 
-def _texts(names: Any) -> tuple[str, ...]:
+def _texts(names: AnyArray) -> tuple[str, ...]:
     """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
-    names = np.asarray(names)
     if names.dtype.kind == "V" or (names.dtype == np.uint8 and names.ndim == 2):  # bytes, and letters of C
         width = names.dtype.itemsize * (names.shape[1] if names.dtype == np.uint8 else 1)
         names = np.ascontiguousarray(names).view(f"S{width}")
