@@ -133,13 +133,13 @@ def make_feasible(
     source = np.minimum(source * (clip.duration / resampled.duration), clip.duration)
     changed = abs(motion.q[:, 7:] - full.sampled(source, RATE).joints)
     return FeasibleMotion(
-        MotionClip.of(robot, motion.q, RATE, clip.name, standing),
-        source,
-        before,
-        after,
-        by_joint(robot, changed.max(axis=0)),
-        shortened,
-        (len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
+        clip=MotionClip.of(robot, motion.q, RATE, clip.name, standing),
+        source_times=source,
+        before=before,
+        after=after,
+        changes=by_joint(robot, changed.max(axis=0)),
+        shortened=shortened,
+        stretched=(len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
     )
 
 

@@ -129,9 +129,12 @@ def retarget(
     paths, moves, shortened = footsteps(robot, soles, com_height, rate, standing)
     q, errors = _Follower(robot, legs).follow(parts, paths, moves, standing)
     motion = BodyMotion.of(robot, q, rate)
-    made = MotionClip.of(robot, q, rate, clip.name, standing)
     return RetargetedMotion(
-        made, scale, measure(robot, motion, standing, share=1.0, friction=0.7), errors, shortened
+        clip=MotionClip.of(robot, q, rate, clip.name, standing),
+        scale=scale,
+        measures=measure(robot, motion, standing, share=1.0, friction=0.7),
+        errors=errors,
+        shortened=shortened,
     )
 
 
