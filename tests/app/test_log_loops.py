@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import types
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 from foreign import foreign_model
-from recorded import recorded_stand
 
 import wbc
-from wbc.app import Log, MeshcatView, Recorder, Replay
+from wbc.app import Log, Recorder, Replay
 from wbc.base.errors import InputError
 from wbc.sim import MujocoLoop, make_scene
 
@@ -87,16 +85,3 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
     np.testing.assert_allclose(log["joint/kd_command"][-1], command.kd, 1e-6)
     replay = Replay(log)
     assert replay.plant.start[0] == pytest.approx(start[0])
-
-
-@pytest.mark.parametrize(
-    "truth", [{}, {"truth": lambda: {"com": 1.0}}, {"truth": lambda time: None}, {"truth": 3}]
-)
-def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(
-    tmp_path: Path, truth: dict[str, object]
-) -> None:
-    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=0.005, **truth)
-    log = recorded_stand(tmp_path / "own.arrow", shown=lambda plant: loop)
-    assert len(log["com/estimated"]) == 3
-    with pytest.raises(InputError, match="description"):
-        MeshcatView(loop, port=0)  # type: ignore[arg-type]

@@ -60,7 +60,6 @@ class Recorder(TrialHook):
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
-        self._knows_truth: bool | None = None  # a loop of one's own
 
     def add(
         self,
@@ -110,20 +109,10 @@ class Recorder(TrialHook):
                 "by add(…, lambda: program.path)"
             )
         loop = None if plant is None or isinstance(plant, Plant) else plant
-        truth = None if loop is None else self._truth_of(loop)
+        truth = None if loop is None else loop.truth()
         about = None if plant is None else plant.description
         state = drives.observer.robot
         self._record(Tick(plant, control, measurement, command, about, drives.solution, truth, state))
-
-    def _truth_of(self, loop: Any) -> GroundTruth | None:
-        """Return the true state that a loop knows; None for a loop whose `truth` is something else, or is not there."""
-        if self._knows_truth is None:  # the first tick decides which columns there are
-            try:
-                self._knows_truth = isinstance(loop.truth(), GroundTruth)
-            except (AttributeError, TypeError):  # no such method, or one that takes arguments
-                self._knows_truth = False
-        truth: GroundTruth | None = loop.truth() if self._knows_truth else None
-        return truth
 
     def write(
         self,
