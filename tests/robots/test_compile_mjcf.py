@@ -86,14 +86,6 @@ def test_a_nan_is_named_by_line_and_attribute_unless_it_is_a_name() -> None:
         assert "nan" in RobotDescription.from_mjcf(text, base="fixed").joint_names
 
 
-def test_copies_are_counted_in_the_text_before_they_are_made() -> None:
-    """5000 copies of two bodies: the text has 2 bodies and 5000 copies, MuJoCo would make 10,000."""
-    two = '<body><geom size=".1"/><body><geom size=".1"/></body></body>'
-    text = f'<replicate count="5000" offset="1 0 0">{two}</replicate>'
-    with pytest.raises(ModelError, match="may have 2000 bodies, got 5002"):
-        RobotDescription.from_mjcf(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-
-
 def test_a_urdf_no_xml_and_objects_are_refused_as_an_mjcf() -> None:
     for source, said in (
         ('<robot name="r"/>', "MJCF string is a URDF; use from_urdf"),

@@ -181,7 +181,6 @@ def test_meshes_of_all_units_and_scales_have_their_size_drawn_and_touched(what: 
     model = drawing_model(robot, robot.robot(), terrain("flat"))
     drawn = sorted(np.ptp(model.mesh_vert, axis=0).tolist())  # along its principal axes
     assert drawn == pytest.approx([0.2, 0.3, 0.4], abs=1e-6)
-    assert any("scale" in line for line in robot.derived) == ("one scale" in what)
 
 
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0a\nsize 48284\n"
@@ -359,7 +358,7 @@ def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> N
 # Sizes
 
 
-def test_bodies_are_counted_before_mujoco_makes_them() -> None:
+def test_a_robot_of_too_many_bodies_is_refused() -> None:
     ball = '<geom size="0.1"/>'
     many = "".join(f'<body name="b{i}"><joint/>{ball}</body>' for i in range(2001))
     for inside in (many, f'<replicate count="5000" offset="1 0 0"><body>{ball}</body></replicate>'):
