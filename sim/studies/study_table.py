@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.errors import InputError, unknown_name
 from wbc.base.settings import to_json
 from wbc.sim.studies.intervals import (
     CONFIDENCE,
@@ -321,20 +320,13 @@ def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Serie
 
 
 def _numbers(frame: pd.DataFrame, name: str) -> pd.Series:
-    """Return a column of the results as numbers, or raise an `InputError` that names the first trial without one."""
+    """Return a column of the results as numbers; an `InputError` if they are none."""
     import pandas as pd  # noqa: PLC0415 - slow to import
 
-    numbers = []
-    for place, value in enumerate(frame[name]):
-        try:
-            numbers.append(math.nan if value is None else float(value))
-            known = not isinstance(value, str)
-        except (TypeError, ValueError, OverflowError):
-            known = False
-        if not known:
-            trial = ", ".join(str(frame[key].iloc[place]) for key in ("cell", "arm", "seed"))
-            raise InputError(f"'{name}' of the result of {trial} must be a number, got {shown(value)}")
-    return pd.Series(numbers, frame.index, dtype=float)
+    try:
+        return pd.to_numeric(frame[name]).astype(float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"'{name}' of the results must be numbers: {error}") from error
 
 
 def layout_of(spec: Mapping[str, Any]) -> Hashable:

@@ -126,15 +126,6 @@ def test_a_file_gives_an_entry_whose_name_has_its_hash(code: Path) -> None:
     assert sys.path == before
 
 
-def test_a_file_that_lacks_a_name_lists_the_entries_that_it_defines_itself(tmp_path: Path) -> None:
-    path = tmp_path / "made.py"
-    path.write_text("from math import sin\nfrom pathlib import Path\ndef own(): ...\nclass Own: ...\n")
-    with pytest.raises(InputError, match="has own, Own$"):
-        Registry("maker", check=lambda value: None if callable(value) else of_numbers(value)).find(
-            f"{path}:x"
-        )
-
-
 def test_data_run_no_code_but_that_of_a_file_which_a_user_has_named(code: Path) -> None:
     things = Registry("thing", check=of_numbers)
     assert not is_data()

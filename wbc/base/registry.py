@@ -154,20 +154,10 @@ class Registry(dict[str, T]):
         module = _module(str(path.resolve()), now)
         value = getattr(module, attribute, None)
         if value is None:
-            own = [key for key, it in vars(module).items() if self._accepts(it, module)]
-            raise InputError(f"{place} has no {self.kind} '{attribute}'; it has {', '.join(own) or 'none'}")
+            unknown_name(f"{self.kind} of {place}", attribute, [key for key in vars(module) if key[0] != "_"])
         if self._check is not None:
             self._check(value)
         return f"{place}:{attribute}#{now}", value
-
-    def _accepts(self, value: Any, module: ModuleType) -> bool:
-        """Return True for an entry of this kind that a module defines and does not import."""
-        if callable(value) and getattr(value, "__module__", "") != module.__name__:
-            return False
-        try:
-            return self._check is None or self._check(value) is None
-        except InputError:
-            return False
 
     def loaded(self) -> Mapping[str, T]:
         """Return all entries, those of other packages loaded; one that cannot be is left out with a warning."""
