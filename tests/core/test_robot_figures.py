@@ -459,9 +459,9 @@ def test_a_clock_that_is_a_fifth_faster_or_slower_than_the_controller_is_named(
     checks, time = Plausibility(HRP4, DT), 0.0
     for tick in range(52):
         checks.check(rest(time + ratio * DT * tick, joint_position=HRP4.half_sitting[7:] + 1e-6 * tick))
-        assert bool(checks.pace) == (said and tick >= 50)
+        assert bool(checks.stamps.pace) == (said and tick >= 50)
     if said:
-        assert checks.pace.startswith(f"measurements come every {1e3 * ratio * DT:.3g} ms")
+        assert checks.stamps.pace.startswith(f"measurements come every {1e3 * ratio * DT:.3g} ms")
 
 
 @pytest.mark.parametrize("share", [0.24, 0.26])

@@ -13,29 +13,23 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wbc.base.errors import MeasurementError, shown
+from wbc.base.errors import MeasurementError
 from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
+from wbc.core.estimation.optional import OptionalSignals
+from wbc.core.estimation.refusal import Refusal, numbers_of
 from wbc.core.estimation.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.signals import SIGNALS, Measurement
 
 logger = logging.getLogger(__name__)
-
-OPTIONAL = {
-    "joint_torque": "joint torques",
-    "hand_wrenches": "force sensors of hands",
-    "sole_range": "range sensors of soles",
-    "sole_stiffness": "stiffness of soles",
-}
-"""Signals that only some robots have, with their names in messages; a tick goes on without them."""
 
 
 @settings
@@ -90,35 +84,6 @@ HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
 """Advice of the first message about a sensor."""
 
 
-class Refusal(NamedTuple):
-    """Reading that was refused.
-
-    Attributes:
-        sensor: Name of the sensor, such as "encoder of left_knee".
-        value: The reading; NaN for one that is no number.
-        low: Least reading that is accepted in this tick.
-        high: Greatest reading that is accepted in this tick.
-        unit: Unit of the three.
-        jump: True for a reading that is in its range, but too far from the last one.
-        why: What else is wrong, such as the shape of a signal.
-    """
-
-    sensor: str
-    value: float
-    low: float
-    high: float
-    unit: str
-    jump: bool
-    why: str = ""
-
-    def __str__(self) -> str:
-        if self.why:
-            return f"{self.sensor} ({self.why})"
-        said = f"{self.value:.5g} {self.unit}" if math.isfinite(self.value) else "no number"
-        when = " so soon after the last reading" if self.jump else ""
-        return f"{self.sensor} ({said}, must lie in [{self.low:.4g}, {self.high:.4g}] {self.unit}{when})"
-
-
 class Plausibility:
     """Checks every measurement of a control and repairs what it can.
 
@@ -139,35 +104,20 @@ class Plausibility:
         n, na = len(robot.soles), robot.na
         self._na = na
         self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
-        self._optional_shapes = ((na,), (len(robot.frames), 6), (n,), (n,))
-        self._soles = {(n,), (2,)}  # shapes of signals of the soles: these, or their default
-        self._hands = tuple(robot.frames)
         self._weight = robot.mass * GRAVITY
-        lower, upper = robot.position_lower, robot.position_upper
-        known = np.isfinite(lower) & np.isfinite(upper)
+        self._optional = OptionalSignals(robot, s.force_ratio * self._weight, s.torque_margin)
         # What every number is compared with, and how far it may be from there: its range, and its last value.
         self._centres = np.zeros((2, 2 * na + 6 + 6 * n))
         self._most = np.full(self._centres.shape, np.finfo(float).max)
         self._excess = np.zeros(self._centres.shape)
         self._all_excess = self._excess.reshape(-1)
         self._middle, self._bound = self._centres[0], self._most[0]
-        self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
-        self._bound[:na][known] = (0.5 * upper - 0.5 * lower + s.position_margin * robot.per_rad)[known]
         speed = robot.velocity_limit
         self._speed = np.where(speed < UNLIMITED, s.velocity_margin * speed, 1e3)
-        self._bound[na : 2 * na] = self._speed
-        self._bound[2 * na : 2 * na + 3] = s.gyro_range
-        self._bound[2 * na + 3 : 2 * na + 6] = s.accelerometer_range
-        force = s.force_ratio * self._weight
-        for i, sole in enumerate(robot.soles):
-            at = 2 * na + 6 + 6 * i
-            self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
-        longest = max(sole.length for sole in robot.soles)
-        self._wrist = np.repeat([force, force * longest], 3)  # largest wrench of a hand
-        self._torque = s.torque_margin * robot.torque_limit
         self._step = self._speed * dt + s.position_jump * robot.per_rad
         self._gyro = slice(2 * na, 2 * na + 3)
         self._most[1, :na], self._most[1, self._gyro] = self._step, s.gyro_jump
+        self._set_ranges(robot)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
             *(f"velocity of {joint}" for joint in robot.joint_names),
@@ -183,6 +133,20 @@ class Plausibility:
         self._units = (*lengths, *(f"{unit}/s" for unit in lengths), *["rad/s"] * 3, *["m/s²"] * 3)
         self._units += ("N", "N", "N", "Nm", "Nm", "Nm") * n
         self.reset()
+
+    def _set_ranges(self, robot: Robot) -> None:
+        """Set the middle of the range of every number, and its greatest distance from there."""
+        s, na, bound = self.settings, self._na, self._bound
+        lower, upper = robot.position_lower, robot.position_upper
+        known = np.isfinite(lower) & np.isfinite(upper)
+        self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
+        bound[:na][known] = (0.5 * upper - 0.5 * lower + s.position_margin * robot.per_rad)[known]
+        bound[na : 2 * na] = self._speed
+        bound[2 * na : 2 * na + 3], bound[2 * na + 3 : 2 * na + 6] = s.gyro_range, s.accelerometer_range
+        force = s.force_ratio * self._weight
+        for i, sole in enumerate(robot.soles):
+            at = 2 * na + 6 + 6 * i
+            bound[at : at + 3], bound[at + 3 : at + 6] = force, force * sole.length
 
     def reset(self) -> None:
         """Forget the past; the next measurement is taken as the first one."""
@@ -237,15 +201,12 @@ class Plausibility:
             m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt, forgiven)
         if felt and m.sole_wrench is not None:
             self._check_pull(m.sole_wrench)
-        odd = not (self._is_of_soles(m.sole_range) and self._is_of_soles(m.sole_stiffness))
-        if odd or m.joint_torque is not None or m.hand_wrenches is not None:
-            m = self._check_optional(m)
-        elif self._optional_faults:
-            self._optional_faults = ()
+        m, faults = self._optional.check(m)
+        if faults or self._optional_faults:
+            self._say(m.time, faults)
+            self._optional_faults = tuple(each.sensor for each in faults)
+            self.refused += bool(faults) and not self._faults
         return m, renewed
-
-    def _is_of_soles(self, value: Any) -> bool:
-        return type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape in self._soles
 
     def _within(self, values: Array, last: Array | None) -> bool:
         """Return True if all numbers are in their ranges and have not jumped from the last ones; False for NaN."""
@@ -267,43 +228,6 @@ class Plausibility:
         elif self.pull and lowest > -0.5 * least and max(normal) > least:  # as right ones read on the ground
             self.pull = ""
 
-    def _check_optional(self, m: Measurement) -> Measurement:
-        """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands.
-
-        A signal of the wrong shape is left out.
-        """
-        faults: list[Refusal] = []
-        formed: dict[str, Any] = {}
-        for (name, sensor), shape in zip(OPTIONAL.items(), self._optional_shapes, strict=True):
-            of_sole, formed[name] = name.startswith("sole"), getattr(m, name)
-            if (formed[name] is None and not of_sole) or (of_sole and self._is_of_soles(formed[name])):
-                continue
-            try:
-                formed[name] = _numbers(m, name, shape)
-            except MeasurementError as error:
-                formed[name] = np.full(shape, np.nan) if of_sole else None
-                faults.append(Refusal(sensor, math.nan, -math.inf, math.inf, "", False, str(error)))
-        torque, hands = formed["joint_torque"], formed["hand_wrenches"]
-        if torque is not None and not (np.abs(torque) <= self._torque).all():
-            worst, most = _worst(torque, self._torque)
-            faults.append(Refusal("joint torques", float(torque[worst]), -most, most, "Nm", False))
-            formed["joint_torque"] = None
-        if hands is not None:
-            wrong = np.any(np.abs(hands) > self._wrist, axis=1)  # a hand without a reading has NaN
-            if wrong.any():
-                for i in np.flatnonzero(wrong).tolist():
-                    worst, most = _worst(np.nan_to_num(hands[i], nan=0.0), self._wrist)
-                    unit, name = "N" if worst < 3 else "Nm", f"force sensor of {self._hands[i]}"
-                    faults.append(Refusal(name, float(hands[i, worst]), -most, most, unit, False))
-                formed["hand_wrenches"] = hands = np.array(hands)
-                hands[wrong] = np.nan
-        self._say(m.time, faults)
-        self._optional_faults = tuple(each.sensor for each in faults)
-        self.refused += bool(faults) and not self._faults
-        if all(value is getattr(m, name) for name, value in formed.items()):
-            return m
-        return replace(m, **formed)
-
     @property
     def faults(self) -> tuple[str, ...]:
         """Signals that are refused at present, such as "encoder of left_knee"; empty when all is well."""
@@ -322,7 +246,7 @@ class Plausibility:
         """
         n = self._na
         try:
-            position, velocity = (_numbers(measurement, name, (n,)) for name in SIGNALS[:2])
+            position, velocity = (numbers_of(measurement, name, (n,)) for name in SIGNALS[:2])
         except (MeasurementError, AttributeError):  # of another shape, or no measurement
             return np.full(n, np.nan), np.full(n, np.nan)
         good = np.abs(position - self._middle[:n]) <= self._bound[:n]
@@ -342,9 +266,9 @@ class Plausibility:
         for got, of_shape in zip(given, self._shapes, strict=True):
             if type(got) is not np.ndarray or got.dtype is not FLOAT64 or got.shape != of_shape:
                 shapes = dict(zip(SIGNALS, self._shapes, strict=True))
-                arrays: dict[str, Any] = {name: _numbers(m, name, shapes[name]) for name in SIGNALS[:-1]}
+                arrays: dict[str, Any] = {name: numbers_of(m, name, shapes[name]) for name in SIGNALS[:-1]}
                 try:
-                    arrays[SIGNALS[-1]] = _numbers(m, SIGNALS[-1], shapes[SIGNALS[-1]])
+                    arrays[SIGNALS[-1]] = numbers_of(m, SIGNALS[-1], shapes[SIGNALS[-1]])
                 except MeasurementError as error:
                     self._unformed = str(error)
                     arrays[SIGNALS[-1]] = np.full(shapes[SIGNALS[-1]], np.nan)
@@ -453,28 +377,3 @@ class Plausibility:
         low, high = (self._middle + sign * self._bound for sign in (-1.0, 1.0))
         position[read] = np.clip(values, low, high)[:na][read]
         return predicted
-
-
-def _worst(values: Array, most: Array) -> tuple[int, float]:
-    """Return the place of the number that is farthest beyond its bound, or is none, and this bound."""
-    worst = int(np.argmax(np.nan_to_num(np.abs(values) / most, nan=np.inf)))
-    return worst, float(most[worst])
-
-
-def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
-    """Return a signal of a measurement as numbers of a shape."""
-    value = getattr(m, name)
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
-        return value
-    try:
-        array = np.asarray(value)
-    except Exception:  # lists of lists of different lengths, objects that fail
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "iuf":
-        raise MeasurementError(f"{name} must be numbers of shape {shape}, got {shown(value)}")
-    if array.shape != shape:
-        raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
-    array = array.astype(np.float64, copy=False)
-    if isinstance(value, np.ma.MaskedArray):  # a reading that is masked is none
-        array = np.where(np.ma.getmaskarray(value), np.nan, array)
-    return array
