@@ -20,6 +20,9 @@ from wbc.sim.plant.signals import Imu
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
 
+OTHER_COM = 1e-3
+"""Distance between the centres of mass of model and description at half-sitting that is noted, m."""
+
 REACHED = 0.99
 """Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
 
@@ -55,10 +58,10 @@ def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces
     mass = float(model.body_subtreemass[places.root])
     if abs(mass - robot.mass) > OTHER_MASS * robot.mass:
         yield f"the robot has {mass:.2f} kg in the model and {robot.mass:.2f} kg in the description"
-    if (displaced := places.displaced_mass()) is not None:
+    if (off := places.off_centre()) > OTHER_COM:
         yield (
-            f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
-            "off in the model: the joint counts from another zero, or the mass is elsewhere"
+            f"at half-sitting the centre of mass is {1e3 * off:.1f} mm off in the model: a joint counts from another "
+            "zero, or masses are elsewhere"
         )
     ties, joints = places.ties(), dict(zip(places.joints, description.joint_names, strict=True))
     yield from unmodelled(model, np.flatnonzero(places.of_robot).tolist(), joints, ties)

@@ -22,12 +22,6 @@ SAME_PLACE = 2e-3
 SAME_AXIS = 1e-2
 """Largest distance between the axes of such joints, unit vectors."""
 
-OTHER_COM = 5e-3
-"""Distance between the centres of mass of a link in the model and in the description from which it is noted, m."""
-
-HEAVY = 0.01
-"""Least share of the robot's mass of a link whose centre of mass is compared."""
-
 
 class RobotPlaces:
     """Places of a robot in a MuJoCo model that puts `prefix` before all of its names.
@@ -153,30 +147,11 @@ class RobotPlaces:
         robot.update(robot.half_sitting, np.zeros(robot.nv))
         return data
 
-    def displaced_mass(self) -> tuple[str, float] | None:
-        """Return the link whose centre of mass is farthest off the description's at half-sitting, and how far, m.
-
-        A joint that counts from another zero has its link there; the link is named by its joint. None if no heavy link
-        is off. A link has the bodies of the model that hang on it by no joint of the description.
-        """
-        data, model, robot = self._at_half_sitting(), self.model, self._robot
-        owner = {body: i + 1 for i, (body, _) in enumerate(self._links)}
-        mass, moment = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
-        for body in np.flatnonzero(self.of_robot).tolist():
-            above = body
-            while above not in owner:
-                above = int(model.body_parentid[above])
-            mass[owner[above]] += model.body_mass[body]
-            moment[owner[above]] += model.body_mass[body] * data.xipos[body]
-        worst = ("", OTHER_COM)
-        for link in range(1, robot.model.njoints):
-            inertia = robot.model.inertias[link]
-            if min(mass[link], inertia.mass) >= HEAVY * robot.mass:
-                there = robot.data.oMi[link].act(inertia.lever)
-                distance = float(np.linalg.norm(moment[link] / mass[link] - there))
-                if distance > worst[1]:
-                    worst = ("base" if link == 1 else str(robot.model.names[link]), distance)
-        return worst if worst[0] else None
+    def off_centre(self) -> float:
+        """Return how far the robot's centre of mass is off the description's at half-sitting, m."""
+        data = self._at_half_sitting()
+        mujoco.mj_comPos(self.model, data)
+        return float(np.linalg.norm(data.subtree_com[self.root] - self._robot.com))
 
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""

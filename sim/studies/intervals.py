@@ -107,12 +107,6 @@ def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array
     return np.asarray(np.bincount(which, sample), dtype=np.float64), counts
 
 
-def _scaled(sample: Array) -> Array:
-    """Return values over a power of two, with which their sums and squares are finite, to the last bit the same."""
-    exponent = int(np.frexp(np.abs(sample).max(initial=0.0))[1])
-    return np.ldexp(sample, -exponent)
-
-
 def _batch(layouts: int) -> int:
     """Return the number of resamples that are drawn at a time."""
     return min(RESAMPLES, max(1, DRAWN // layouts))
@@ -127,7 +121,7 @@ def sign_flip_p(differences: Sequence[Number], layouts: Sequence[Hashable] | Non
     """
     from scipy.stats import permutation_test  # noqa: PLC0415 - slow to import
 
-    sums, _ = _by_layout(_scaled(finite_array("differences", list(differences))), layouts)
+    sums, _ = _by_layout(finite_array("differences", list(differences)), layouts)
     if sums.size < 2:
         return None
     # The signs of zeros change nothing, and the order of the pairs must not matter.

@@ -105,24 +105,3 @@ def test_shapes_of_links_are_of_who_asked_for_them() -> None:
         del mine["left_hand"]
         mine["pelvis"].clear()
         assert set(made()) == links and made()["pelvis"]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        'file = "C:\\robots\\biped.xml"',
-        'file = "C:\\tools\\biped.xml"',
-        'file = "C:\\Users\\me\\biped.xml"',
-        'file = "C:\\data\\biped.xml"',
-        'file = "biped.xml"\npackage_dirs = ["C:\\robots\\new"]',
-    ],
-)
-def test_backslashes_that_are_escapes_are_named(tmp_path: Path, text: str) -> None:
-    (tmp_path / "mine.toml").write_text(text + "\n")
-    with pytest.raises(InputError, match="backslash.*single quotes") as refused:
-        load(str(tmp_path / "mine.toml"))
-    assert str(refused.value).isprintable()
-    for read in (files.read, files.read_sdf):
-        with pytest.raises(InputError) as refused:
-            read("C:\robots\biped.xml")
-        assert str(refused.value).isprintable()

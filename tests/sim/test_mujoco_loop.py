@@ -127,12 +127,13 @@ def test_a_robot_stands_on_actuators_of_any_kind(kind: str, mode: str) -> None:
     assert np.allclose(ball, [1.0, 1.0, 0.1], atol=2e-3) and loop.data.ctrl[0] == 0.0  # that of the door
 
 
-def test_a_link_whose_mass_is_elsewhere_is_noted_by_its_joint() -> None:
+def test_masses_that_are_elsewhere_are_noted() -> None:
     model = foreign_model(DESCRIPTION, "motor")
     shank = int(model.joint(f"{PREFIX}left_knee_pitch").bodyid[0])
-    assert not any("left_knee_pitch" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
-    model.body_ipos[shank] += [0.03, 0.0, 0.0]
-    assert any("left_knee_pitch" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
+    for way, noted in ((0.0, False), (0.05, True)):
+        model.body_ipos[shank] += [way, 0.0, 0.0]
+        notes = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
+        assert any("the centre of mass is" in note for note in notes) == noted
 
 
 def test_joints_that_are_not_described_and_that_nothing_holds_are_named_at_the_start(

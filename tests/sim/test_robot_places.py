@@ -61,37 +61,6 @@ def test_an_axis_that_is_off_is_told_in_degrees_and_one_that_is_reversed_as_such
         places_of(turn)
 
 
-def test_the_link_whose_centre_of_mass_is_farthest_off_is_told() -> None:
-    """Five millimetres count, of links of at least a hundredth of the mass; a link has all that hangs on it."""
-    assert places_of().displaced_mass() is None
-    robot = DESCRIPTION.robot()
-
-    def shifted(**ways: float) -> tuple[str, float] | None:
-        places = places_of()
-        for name, way in ways.items():
-            body = places.model.joint(name).bodyid[0] if name != "base" else places.root
-            places.model.body_ipos[body] += [0.6 * way, 0.0, 0.8 * way]
-        return places.displaced_mass()
-
-    def alone(name: str, way: float) -> float:
-        """The bodies that hang on the link's by no joint stay where they are."""
-        places = places_of()
-        model, body = places.model, places.root if name == "base" else places.model.joint(name).bodyid[0]
-        rest = [i for i in range(model.nbody) if i == body or (model.body_weldid[i] == body)]
-        return float(way * model.body_mass[body] / sum(model.body_mass[i] for i in rest))
-
-    assert shifted(left_knee=0.0049) is None
-    for ways, name in (
-        ({"left_knee": 0.0051}, "left_knee"),
-        ({"left_knee": 0.02, "right_knee": 0.03}, "right_knee"),
-        ({"base": 0.04, "right_knee": 0.03}, "base"),
-    ):
-        found = shifted(**ways)
-        assert found is not None and found[0] == name
-        assert found[1] == pytest.approx(alone(name, ways[name]), abs=1e-6)
-    assert robot.mass == pytest.approx(made().body_subtreemass[places_of().root], rel=1e-6)
-
-
 def test_what_a_plain_model_has_and_lacks() -> None:
     """Joints in the robot's order, a base in front of them, and errors by name."""
     places, robot = places_of(), DESCRIPTION.robot()

@@ -78,15 +78,10 @@ _STEERING = re.compile(
 )
 
 
-BACKSLASH = "a backslash in double quotes begins an escape: write a path in single quotes, or with /"
-"""Advice for paths with control characters, and for TOML that cannot be parsed."""
-
-
 def shown_path(path: str | Path) -> str:
     """Return a path as messages show it: on one line, of a long one the name of the file alone."""
     whole = shown(str(path))
-    whole = whole if not whole.endswith("...") else shown(Path(path).name)
-    return whole if str(path).isprintable() else f"{whole} ({BACKSLASH})"
+    return whole if not whole.endswith("...") else shown(Path(path).name)
 
 
 IN_PLACE_OF = {

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from wbc.base.errors import BACKSLASH, InputError, WbcError, shown_path
+from wbc.base.errors import InputError, WbcError, shown_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,12 +132,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the values in a TOML file; `InputError` for one that cannot be read or is nested too deeply."""
     text = read_text(path, "TOML")
     with parsing(path, "TOML"):
-        try:
-            return tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(
-                f"{path} is not TOML: {error}{f'; {BACKSLASH}' if chr(92) in text else ''}"
-            ) from error
+        return tomllib.loads(text)
 
 
 @contextlib.contextmanager
