@@ -102,10 +102,13 @@ def test_a_file_that_holds_no_walk_is_refused(
 
 
 RESULTS: tuple[tuple[dict[str, Any], list[str], str], ...] = (
-    ({"steps_done": "3", "outcome": "fell"}, [], "'steps_done' of the result of a, b, 1"),
-    ({"steps_done": 10**400, "outcome": "fell"}, [], "'steps_done' of the result of a, b, 1"),
-    ({"steps_done": 3, "outcome": "fell", "impact": "hard"}, [], "'impact' of the result of a, b, 1"),
-    ({"steps_done": 3, "outcome": "fell"}, ["--metric", "outcome"], "'outcome' of the result of a, b, 1"),
+    ({"steps_done": 10**400, "outcome": "fell"}, [], "'steps_done' of the results must be numbers"),
+    ({"steps_done": 3, "outcome": "fell", "impact": "hard"}, [], "'impact' of the results must be numbers"),
+    (
+        {"steps_done": 3, "outcome": "fell"},
+        ["--metric", "outcome"],
+        "'outcome' of the results must be numbers",
+    ),
     ({"steps_done": 3}, ["--completed"], "no part of a result 'outcome'"),
 )
 """Results of a trial in a journal, options of its table, and what its message names beside the file."""
