@@ -23,8 +23,7 @@ FALLEN = "the robot does not stand"
 
 def imu(s: Session) -> str:
     """Compare accelerometer and gyroscope with gravity and with turns of the base."""
-    s.soles()
-    frame, force = np.array(s.robot.placement(s.robot.imu_frame).rotation), settled(s.rest["specific_force"])
+    frame, force = s.posture().imu, settled(s.rest["specific_force"])
     size = float(np.linalg.norm(force))
     along = float(frame[2] @ force) / max(size, ROUNDING)
     s.check(
@@ -157,7 +156,7 @@ def soles(s: Session) -> str:
     """Check that both soles are flat and level by the encoders, against each other and against gravity."""
     if s.confused or not s.standing:
         return s.confused if s.standing else FALLEN
-    left, right = s.soles(settled(s.rest["joint_position"]))[:2]
+    left, right = s.posture(settled(s.rest["joint_position"])).soles[:2]
     height, up = 1e3 * float(left.translation[2] - right.translation[2]), _up(s, s.rest)
     verticals = [right.rotation[:, 2]] + ([] if up is None else [up / np.linalg.norm(up)])
     tilt = np.degrees(max(np.linalg.norm(np.cross(left.rotation[:, 2], other)) for other in verticals))
@@ -173,7 +172,7 @@ def _base_motion(s: Session, com: Array, turn: Array) -> tuple[Array, Array]:
     x, y and z of the world, shape (3,), rad.
     """
     robot, model, data, q0 = s.robot, s.robot.model, s.robot.data, np.array(s.robot.half_sitting)
-    s.soles()
+    s.posture()
     pin.computeJointJacobians(model, data, q0)
     *soles, base = (
         pin.getFrameJacobian(model, data, robot.frame_id(frame), pin.LOCAL_WORLD_ALIGNED)
@@ -187,21 +186,22 @@ def _base_motion(s: Session, com: Array, turn: Array) -> tuple[Array, Array]:
 
 def _com(s: Session, record: Record) -> Array:
     """Return the centre of mass at the end of a motion by the encoders, on level soles, shape (2,), m."""
-    pairs = zip(s.soles(), s.soles(settled(record["joint_position"])), strict=True)
-    com: Array = np.mean([(place * sole.inverse()).act(s.robot.com) for place, sole in pairs], axis=0)
+    now = s.posture(settled(record["joint_position"]))
+    pairs = zip(s.posture().soles, now.soles, strict=True)
+    com: Array = np.mean([(place * sole.inverse()).act(now.com) for place, sole in pairs], axis=0)
     return com[:2]
 
 
 def _com_by_lean(s: Session, rest: Record) -> Array | None:
     """Return the centre of mass at rest by the lean that a good IMU sees, shape (2,), m; None without one."""
-    places, up = s.soles(), _up(s, rest)
+    up = _up(s, rest)
     if up is None:
         return None
     lean = pin.Quaternion.FromTwoVectors(up, AXES[2]).toRotationMatrix()
-    soles = s.soles(settled(rest["joint_position"]))
+    now = s.posture(settled(rest["joint_position"]))
     ways = [
-        place.translation + lean @ (s.robot.com - sole.translation)
-        for place, sole in zip(places, soles, strict=True)
+        place.translation + lean @ (now.com - sole.translation)
+        for place, sole in zip(s.posture().soles, now.soles, strict=True)
     ]
     com: Array = np.mean(ways, axis=0)
     return com[:2]
@@ -209,14 +209,14 @@ def _com_by_lean(s: Session, rest: Record) -> Array | None:
 
 def _up(s: Session, rest: Record) -> Array | None:
     """Return the specific force at rest, shape (3,), m/s², the base as at half-sitting; None without a good IMU."""
-    s.soles(settled(rest["joint_position"]))
-    up: Array = s.robot.placement(s.robot.imu_frame).rotation @ settled(rest["specific_force"])
+    up: Array = s.posture(settled(rest["joint_position"])).imu @ settled(rest["specific_force"])
     return up if s.good("accelerometer", "IMU frame") else None
 
 
 def _pressure(s: Session, wrench: Array) -> Array:
     """Return the centre of pressure of all soles in their places at half-sitting, shape (2,), m."""
     total = sum(
-        (place.act(pin.Force(part)) for place, part in zip(s.soles(), wrench, strict=True)), pin.Force.Zero()
+        (place.act(pin.Force(part)) for place, part in zip(s.posture().soles, wrench, strict=True)),
+        pin.Force.Zero(),
     )
     return np.array([-total.angular[1], total.angular[0]]) / max(float(total.linear[2]), 1.0)

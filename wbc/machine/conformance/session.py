@@ -60,6 +60,14 @@ class FreeMotion(NamedTuple):
     dragged: Array  # by the velocity references, shape (na,), rad (or m)
 
 
+class Posture(NamedTuple):
+    """Robot in a posture: placements of its soles, centre of mass, m, and rotation of the IMU."""
+
+    soles: list[pin.SE3]
+    com: Array
+    imu: Array
+
+
 class Session:
     """One run of the checks.
 
@@ -201,10 +209,12 @@ class Session:
         self.records.append(record)
         return record
 
-    def soles(self, position: Array | None = None) -> list[pin.SE3]:
-        """Set the robot's joints, half-sitting when None, its base as there; return the placements of its soles."""
-        q = np.array(self.robot.half_sitting)
+    def posture(self, position: Array | None = None) -> Posture:
+        """Return the robot with joints at positions, half-sitting when None, and its base as there."""
+        robot = self.robot
+        q = np.array(robot.half_sitting)
         if position is not None:
             q[7:] = position
-        self.robot.update(q, np.zeros(self.robot.nv))
-        return [pin.SE3(self.robot.placement(sole.frame)) for sole in self.robot.soles]
+        robot.update(q, np.zeros(robot.nv))
+        soles = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
+        return Posture(soles, robot.com.copy(), np.array(robot.placement(robot.imu_frame).rotation))
