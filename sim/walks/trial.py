@@ -141,12 +141,9 @@ class WalkTrial(Trial[Any, WalkResult]):
             self.sole_meter = StiffnessMeter(cast(Plant, plant), planned)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
         self._origin = middle(plant)
-        self._steered = planned is None or planned.steered
         if self._arrival is not None and planned is not None:
             self.scenario.append(self._arrival)
-            if self._steered and prepared.plan.steps:
-                planned.follow(prepared.plan)
-            elif self._steered:
+            if not prepared.plan.steps:
                 planned.go_to(*self._arrival.goal)
 
     @property
@@ -164,8 +161,7 @@ class WalkTrial(Trial[Any, WalkResult]):
         """Return the result of the walk."""
         control, diverged = self.control, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
-        # A robot that a hook has steered has another goal than its plan's.
-        arrival = self._arrival if self._steered or not control.steered else None
+        arrival = self._arrival
         if diverged is not None:
             outcome = "diverged"
         elif fall is not None:

@@ -388,16 +388,16 @@ def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_c
     assert walking.progress.phase is GaitPhase.STANDING
 
 
-def test_a_first_plan_is_no_order_and_a_later_one_is() -> None:
-    robot = wbc.load_robot("hrp4_class").robot()
-    plan = walk_distance(FootstepPlan.standing(robot), 0.3)
-    walking = WalkingControl(wbc.load_robot("hrp4_class").robot(), plan, 0.005)
-    assert not walking.steered and not walking.finished and not walking.done
-    walking.follow(plan)
-    assert walking.steered
-    free = WalkingControlSettings(mode="torque")
-    walking = WalkingControl(wbc.load_robot("hrp4_class").robot(), plan, DT, free)
-    assert walking.source.planner is not None
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_robot_can_be_steered_whether_a_plan_gives_its_steps_or_not(mode: Any) -> None:
+    robot, stands = (wbc.load_robot("hrp4_class").robot() for _ in range(2))
+    plan, settings = walk_distance(FootstepPlan.standing(robot), 0.3), WalkingControlSettings(mode=mode)
+    walking = WalkingControl(robot, plan, 0.005, settings)
+    assert walking.steered and not walking.finished and not walking.done
+    assert isinstance(walking.source.planner, PlanSource)
+    walking.velocity = (0.1, 0.0, 0.0)
+    assert walking.velocity == (0.1, 0.0, 0.0) and not isinstance(walking.source.planner, PlanSource)
+    assert not WalkingControl(stands, StandSource(stands), 0.005, settings).steered
 
 
 @pytest.mark.parametrize("height", [0.0, 0.4])

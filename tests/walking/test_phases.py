@@ -220,15 +220,6 @@ def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_n
     assert w.phases.duration == pytest.approx(w.phases.gait.double_support)
 
 
-def test_a_walk_is_steered_unless_it_follows_the_plan_that_it_began_with() -> None:
-    s, plan = WalkSettings(adjustment=None), walk_distance(START, 0.3)
-    assert LipmWalk(ROBOT, START, HEIGHT, DT, s).steered
-    w = LipmWalk(ROBOT, plan, HEIGHT, DT, s)
-    assert not w.steered and not w.finished
-    w.take(PlanSource(plan))
-    assert w.steered
-
-
 @pytest.mark.parametrize("ready", [0.24, 0.26])
 def test_lift_off_is_free_up_to_a_quarter_of_the_weight_on_the_foot_that_leaves(ready: float) -> None:
     w = walking()

@@ -389,8 +389,8 @@ class WalkingControl(SteeredControl):
 
     @property
     def steered(self) -> bool:
-        """True if the robot is steered, or stands without a plan and can be steered."""
-        return self.source.steered
+        """True if the robot can be steered, which ends a plan that it follows."""
+        return self.source.steering is not None
 
     @checked
     def go_to(self, x: Annotated[Number, "m"], y: Annotated[Number, "m"], yaw: Angle) -> None:

@@ -165,11 +165,6 @@ class ReferenceSource(ABC):
     # ---- what is asked for ------------------------------------------------------------------------------------------
 
     @property
-    def steered(self) -> bool:
-        """True if the robot is steered or can be steered."""
-        return self.steering is not None
-
-    @property
     def granted(self) -> Velocity:
         """Velocity of the present steps: forward (m/s), to the left (m/s) and turn (rad/s)."""
         return AT_REST

@@ -42,7 +42,7 @@ class SteeredControl(Control, ABC):
 
     @property
     def steered(self) -> bool:
-        """True if the robot is steered by its velocity; False while a plan gives its steps."""
+        """True if the robot can be steered by its velocity."""
         return True
 
     @property

@@ -131,10 +131,8 @@ class LipmWalk(ReferenceSource):
             com = 0.5 * (plan.left.position + plan.right.position) + (0.0, 0.0, com_height)
         rest = Pendulum.at_rest(com, float(0.5 * sum(place.translation[2] for place in self._places)))
         self.course = PlannedCourse(com_height, self.phases, self._preview, rest)
-        self._first: FootstepSource | None = None  # from the start on
         if plan.steps:
             self.take(PlanSource(plan))
-            self._first = self.planner
             self.plan_steps()
         self.progress = self._record()
 
@@ -145,11 +143,6 @@ class LipmWalk(ReferenceSource):
         """True when what a planner has asked for is walked and the robot stands."""
         planner = self.planner
         return self.phases.rests and (planner is None or self._asked == (planner, planner.order))
-
-    @property
-    def steered(self) -> bool:
-        """True if footsteps come, or may come, from another planner; False for a walk along its first plan."""
-        return self._first is None or self.planner is not self._first
 
     @property
     def granted(self) -> Velocity:
