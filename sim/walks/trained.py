@@ -12,9 +12,10 @@ from wbc.base.errors import InputError
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
-from wbc.policy.control import PolicyControl, policy_columns
+from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
+from wbc.policy.joints import policy_columns
 from wbc.sim.trial.spec import file_of, stamped_file
 from wbc.sim.walks.plan import STEP_TIME, WalkPlan
 

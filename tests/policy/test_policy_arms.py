@@ -120,7 +120,8 @@ def test_a_filter_changes_nothing_that_no_limit_asks_for() -> None:
             asked.append(np.abs(policy.changed).max())
         made = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
         made += command.kd * (command.joint_velocity - m.joint_velocity)
-        wish = policy._kp * (policy._target - m.joint_position) - policy._kd * m.joint_velocity
+        (kp, kd), target = policy.gains, policy._joints.target
+        wish = kp * (target - m.joint_position) - kd * m.joint_velocity
         np.testing.assert_allclose(made, wish + policy.changed, atol=1e-9)
         plant.step(command)
     assert max(asked) < 0.01

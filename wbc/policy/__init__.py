@@ -1,6 +1,6 @@
 """Trained policies beside the QP: descriptions, observations, networks, and the control that runs them.
 
-    description → observation (terms, references) → network → control, whose drives send, with arms and filter → guard
+    description → observation (terms, references) → network → joints (targets) → control (arms, filter, drives) → guard
 
 A new term of an observation goes into `wbc.policy.terms`, another way in which files describe policies into
 `wbc.policy.description`.

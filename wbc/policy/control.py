@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, names_in, unknown_name
+from wbc.base.errors import InputError, WbcError, names_in
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Period, Positive
 from wbc.core.drive.control import State
@@ -32,6 +33,7 @@ from wbc.policy.arms import MovedArms, PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.filter import FilterController, PolicyFilter
+from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.observation import Observation
 from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
@@ -47,9 +49,6 @@ MOST_LACK = 0.5
 
 STILL = 0.01
 """Velocity below which a policy is asked for a stand, m/s and rad/s: its clock rests."""
-
-DIFFERENT = 0.1
-"""Share of a gain of the machine by which that of a policy may differ."""
 
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
@@ -154,30 +153,23 @@ class PolicyControl(SteeredControl):
         self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.network, self.description = network, description
-        self._columns = columns = policy_columns(robot, description.joints)
-        n = len(columns)
+        self._joints = PolicyJoints(robot, description)
+        n = len(self._joints.columns)
         self._every = round(description.period / dt)
         if self._every < 1 or abs(self._every * dt - description.period) > ROUNDING:
             raise InputError(
                 f"the period of the policy, {description.period:g} s, must be a multiple of the control period, "
                 f"{dt:g} s"
             )
-        self._default = np.array(description.default)
-        self._scale = np.broadcast_to(np.asarray(description.action_scale), (n,))
-        servos = robot.servos
-        gains = (0.0, 0.0) if servos is None else (servos.kp, servos.kd)
-        self._kp, self._kd = (np.zeros(robot.na) + each for each in gains)
-        self._kp[columns], self._kd[columns] = description.kp, description.kd
-        self._target = np.array(robot.half_sitting[7:])
         self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
         self._share_arms(names_in("arms", arms), filter, seen)
         self._still = np.zeros(robot.na)
-        self.observed = Observed(
-            self.drives.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
-        )
         self._clock = GaitClock(description.phase, description.period)
-        self.observed.phase = self._clock.phase
+        position, velocity, action = np.zeros((3, n))
+        self.observed = Observed(
+            self.drives.observer.robot, position, velocity, action, np.zeros(3), self._clock.phase
+        )
         self._reference(clip, ground)
         self._observation = Observation(description.observation, self.observed)
         for what, is_, has, parts in (
@@ -202,41 +194,26 @@ class PolicyControl(SteeredControl):
         They are gains that differ from those that the description of the robot states by more than a tenth, joints
         whose default position is beyond their stops, and a network that takes longer than its period.
         """
-        robot, about, columns = self.controller.robot, self.description, self._columns
-        found, servos = [], robot.servos
-        names = [robot.joint_names[column] for column in columns]
-        for what, unit, asked, has in (
-            ("stiffness", "Nm/rad", about.kp, None if servos is None else servos.kp),
-            ("damping", "Nms/rad", about.kd, None if servos is None else servos.kd),
-        ):
-            found += [
-                f"{what} of {name} is {wanted:g} {unit}, and that of the machine {own:g}"
-                for name, wanted, own in zip(names, asked, () if has is None else has[columns], strict=False)
-                if servos is not None and name in servos.given and abs(wanted - own) > DIFFERENT * own
-            ]
-        low, high = robot.position_lower[columns], robot.position_upper[columns]
-        beyond = ((self._default < low) | (self._default > high)).nonzero()[0]
-        found += [f"default of {names[k]}, {self._default[k]:g} rad, is beyond its stops" for k in beyond]
-        if (took := getattr(self.network, "took", 0.0)) > about.period:
+        found, period = self._joints.doubts(), self.description.period
+        if (took := getattr(self.network, "took", 0.0)) > period:
             found.append(
-                f"the network takes {1e3 * took:.1f} ms, longer than its period of {1e3 * about.period:g} ms"
+                f"the network takes {1e3 * took:.1f} ms, longer than its period of {1e3 * period:g} ms"
             )
         return tuple(found)
 
     def _share_arms(self, arms: Sequence[str], safe: PolicyFilter | None, seen: bool) -> None:
         """Let the controller move arms, or filter the policy's, and the policy see them at rest or where they are."""
-        controller, default = self.controller, np.array(self.controller.robot.half_sitting[7:])
+        controller, joints = self.controller, self._joints
         self._arms: PolicyArms | None = None
         self._masked, self.posture = np.zeros(0, dtype=np.intp), None
         if safe is not None:
             self._arms = safe.bind(controller)
         elif arms:
-            default[self._columns] = self._default
-            self._arms = moved = MovedArms(controller, arms, default, self._kd)
+            self._arms = moved = MovedArms(controller, arms, joints.posture, joints.kd)
             self.posture = moved.posture
-            self._kp[self._arms.index] = self._kd[self._arms.index] = 0.0
+            joints.kp[moved.index] = joints.kd[moved.index] = 0.0
         if self._arms is not None and not seen:
-            self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
+            self._masked = np.flatnonzero(np.isin(joints.columns, self._arms.index))
 
     def _reference(self, clip: MotionClip | None, ground: KnownGround | None) -> None:
         """Prepare the motion and the ground that the policy sees."""
@@ -250,7 +227,7 @@ class PolicyControl(SteeredControl):
             anchor = about.anchor or robot.torso_frame
             frames: Frames | None = None
             if clip is not None:
-                frames = clip_frames(robot, clip, self._columns, anchor, about.period)
+                frames = clip_frames(robot, clip, self._joints.columns, anchor, about.period)
             elif isinstance(network, OnnxNetwork) and network.holds_motion:
                 frames = network_frames(network, anchor)
             self.observed.motion = None if frames is None else Tracked(robot, anchor, frames)
@@ -274,7 +251,7 @@ class PolicyControl(SteeredControl):
     @property
     def gains(self) -> tuple[Array, Array]:
         """Stiffness, Nm/rad, and damping, Nms/rad, of the servos in the commands, shape (na,) each."""
-        return self._kp.copy(), self._kd.copy()
+        return self._joints.kp.copy(), self._joints.kd.copy()
 
     def _begin_policy(self) -> None:
         self._ticks = 0
@@ -357,8 +334,8 @@ class PolicyControl(SteeredControl):
 
     def _step(self, state: State) -> None:
         """Observe, and let the network choose the next targets."""
-        observed, columns = self.observed, self._columns
-        observed.position[:] = state.robot.q[7:][columns] - self._default
+        observed, joints, columns = self.observed, self._joints, self._joints.columns
+        observed.position[:] = state.robot.q[7:][columns] - joints.default
         observed.velocity[:] = state.robot.v[6:][columns]
         hidden = self._masked
         if (released := self.drives.released) is not None and not self._sees_arms:
@@ -367,19 +344,20 @@ class PolicyControl(SteeredControl):
         if self._regain:
             self._ask_for_more(state.robot)
         self._clock.tick(not (np.abs(observed.command) >= STILL).any())
+        network: Callable[..., NDArray[np.float32]] = self.network
         if observed.motion is not None:
             if isinstance(self.network, OnnxNetwork):
-                self.network.step = observed.motion.step
+                network = partial(network, step=observed.motion.step)
             observed.motion.tick()
         observation, start = self._observation.take(), perf_counter()
-        action = self.network(observation)
+        action = network(observation)
         if self._longest is not None and (took := perf_counter() - start) > self._longest:
             raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self._longest:g} ms")
         if not np.isfinite(action).all():
             raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
         most = self.description.action_clip
         np.clip(action, -most, most, out=observed.action)
-        self._target[columns] = self._default + self._scale * observed.action
+        joints.aim(observed.action)
 
     def _ask_for_more(self, robot: Robot) -> None:
         """Ask for the velocity that the robot lacks, too."""
@@ -398,15 +376,16 @@ class PolicyControl(SteeredControl):
 
         A joint whose encoder is refused gets the torque of its servo at the predicted position, and no stiffness.
         """
-        m, torque, target, velocity = state.measurement, self._still, self._target, self._still
+        m, joints, torque, velocity = state.measurement, self._joints, self._still, self._still
+        target, gains = joints.target, (joints.kp, joints.kd)
         if self._arms is not None:
             if self.drives.failing:
                 self._arms.forget_rate()
             torque, target, velocity = self._arms.servos(m, target, self.asked(m))
         measured = self.drives.joints(state)
         if (lost := np.isnan(measured[0])).any():
-            torque = torque + np.where(lost, self._kp * (target - m.joint_position), 0.0)
-        return self.drives.gate.pass_on_with_gains(torque, target, velocity, (self._kp, self._kd), measured)
+            torque = torque + np.where(lost, joints.kp * (target - m.joint_position), 0.0)
+        return self.drives.gate.pass_on_with_gains(torque, target, velocity, gains, measured)
 
     @property
     def changed(self) -> Array:
@@ -415,8 +394,7 @@ class PolicyControl(SteeredControl):
 
     def asked(self, measurement: Measurement) -> Array:
         """Return the torques that the policy asks for where its joints are now, shape (na,), Nm; zeros for others."""
-        torque: Array = self._kp * (self._target - measurement.joint_position)
-        torque -= self._kd * measurement.joint_velocity
+        torque = self._joints.torques(measurement)
         if (released := self.drives.released) is not None:
             torque[released.index] = 0.0
         return torque
@@ -428,27 +406,3 @@ class PolicyControl(SteeredControl):
             return status
         said = f"arms {arms.otherwise}: {arms.failure}" if arms.failure else arms.remark
         return said if status == "ok" else f"{said}; {status}"
-
-
-def policy_columns(robot: Robot, joints: Sequence[str]) -> NDArray[np.intp]:
-    """Return the columns of joints by name, with or without the ending "_joint", in the order of a policy.
-
-    Raises:
-        UnknownNameError: A joint that the robot has not.
-        InputError: Two names of one joint.
-    """
-    names = list(robot.joint_names)
-    short = [name.removesuffix("_joint").lower() for name in names]
-    columns = []
-    for joint in joints:
-        if joint in names:
-            columns.append(names.index(joint))
-        elif (key := joint.removesuffix("_joint").lower()) in short:
-            columns.append(short.index(key))
-        else:
-            unknown_name("joint of the robot", joint, names)
-        if columns[-1] in columns[:-1]:
-            raise InputError(
-                f"joints of a policy must be different, '{joint}' is '{names[columns[-1]]}' again"
-            )
-    return np.array(columns, dtype=np.intp)

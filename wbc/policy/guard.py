@@ -71,7 +71,7 @@ class PolicyGuard(SteeredControl):
         walking.check_begin()
         walking.drives.share(policy.drives)
         self.policy, self.walking, self.relieved = policy, walking, ""
-        self._asked = ""  # to take over in the next tick
+        self._ordered = ""  # reason to take over in the next tick
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -105,7 +105,7 @@ class PolicyGuard(SteeredControl):
 
     def take_over(self, reason: str = "asked for") -> None:
         """Relieve the policy in the next tick, at any moment of its walk."""
-        self._asked = reason
+        self._ordered = reason
 
     def hand_back(self) -> None:
         """Let the policy control the robot again, from a stand.
@@ -139,13 +139,13 @@ class PolicyGuard(SteeredControl):
     def _policy_again(self) -> None:
         """Let the policy control the robot, and the QP of the walk be made before it takes over again."""
         self.walking.controller.reset()
-        self.relieved = self._asked = ""
+        self.relieved = self._ordered = ""
 
     def _failure(self, state: State) -> str:
         """Return why the policy is to be relieved in this tick; empty if it goes on."""
         policy = self.policy
-        if self._asked:
-            reason, self._asked = self._asked, ""
+        if self._ordered:
+            reason, self._ordered = self._ordered, ""
             return reason
         if not state.ok or policy.drives.damped:
             return ""

@@ -54,7 +54,6 @@ class OnnxNetwork:
         metadata: Metadata of the file, key → text.
         took: Least time of three actions, s.
         holds_motion: True for a network with a motion in it.
-        step: Frame of this motion that the next action is for.
     """
 
     def __init__(self, file: str | Path) -> None:
@@ -97,7 +96,6 @@ class OnnxNetwork:
         self.inputs = self._width("input", inputs[self._input])
         self.outputs = self._width("output", outputs[self._output])
         self.metadata: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
-        self.step = 0
         self.holds_motion = step is not None
         one = [next((name for name in names if name in outputs), None) for names in (PLACES, QUATERNIONS)]
         self._frame = [*JOINTS, *(name for name in one if name is not None)]
@@ -134,9 +132,9 @@ class OnnxNetwork:
             )
         return int(shape[1])
 
-    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the action, shape (outputs,), of an observation, shape (inputs,)."""
-        action: NDArray[np.float32] = self._run([self._output], observation, self.step)[0][0]
+    def __call__(self, observation: NDArray[np.float32], step: int = 0) -> NDArray[np.float32]:
+        """Return the action, shape (outputs,), of an observation, shape (inputs,), for a frame of the motion in it."""
+        action: NDArray[np.float32] = self._run([self._output], observation, step)[0][0]
         return action
 
     def frame(self, step: int, body: int = 0) -> tuple[Array, Array, Array, Array]:
