@@ -296,3 +296,18 @@ def test_a_release_that_is_refused_leaves_what_was_told() -> None:
     with pytest.raises(InputError, match="shared"):
         shared.release([left])
     assert shared.walking.drives.released is mine
+
+
+@pytest.mark.parametrize("breaks", [None, break_by_nan, break_by_torques])
+def test_a_tick_has_one_command_whoever_takes_over(breaks: Any) -> None:
+    """The estimate over delays and that of wrenches count commands by their time."""
+    plant, guard, network = guarded()
+    sensing, sent = guard.drives.sensing, []
+    sensing.sent = lambda command, acceleration: sent.append(command)  # type: ignore[method-assign]
+    for tick in range(60):
+        if tick == 30:
+            breaks(network) if breaks else guard.take_over()
+        command = guard.command(plant.measure())
+        assert len(sent) == tick + 1 and sent[-1] is command
+        plant.step(command)
+    assert guard.relieved

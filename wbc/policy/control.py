@@ -313,6 +313,13 @@ class PolicyControl(SteeredControl):
 
     def act(self, state: State) -> Command:
         """End a tick: let the policy act once in its period, and return the command of the drives."""
+        return self.drives.relay(self.decide(state), self.servos)
+
+    def decide(self, state: State) -> State:
+        """Begin to end a tick: let the policy act once in its period; return the state for `DriveControl.relay`.
+
+        The tick has failed in it where the policy has no action that can be used.
+        """
         if not self.drives.damped:
             self.acted = False
             self._rested = self._rested + self.controller.dt if self._stands else 0.0
@@ -330,7 +337,7 @@ class PolicyControl(SteeredControl):
             self._ticks += 1
             if state.ok and self.network_error is not None:  # until the next action
                 state = self.drives.refuse(state, self.network_error)
-        return self.drives.relay(state, self._servos)
+        return state
 
     def _step(self, state: State) -> None:
         """Observe, and let the network choose the next targets."""
@@ -371,7 +378,7 @@ class PolicyControl(SteeredControl):
         asked[:2] += self._lack
         np.clip(asked, -self._fastest, self._fastest, out=self.observed.command)
 
-    def _servos(self, state: State) -> Command:
+    def servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now.
 
         A joint whose encoder is refused gets the torque of its servo at the predicted position, and no stiffness.

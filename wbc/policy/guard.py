@@ -94,10 +94,10 @@ class PolicyGuard(SteeredControl):
         """End a tick by the policy, or by the walk."""
         if self.relieved:
             return self.walking.act(state)
-        command = self.policy.act(state)
+        decided = self.policy.decide(state)
         reason = self._failure(state)
         if not reason:
-            return command
+            return self.policy.drives.relay(decided, self.policy.servos)
         logger.error("the policy is relieved: %s", reason)
         self.relieved, contacts = reason, self.policy.contacts
         self.walking.begin(state, contacts.air, contacts.landed)
