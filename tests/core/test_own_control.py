@@ -124,6 +124,18 @@ def test_a_law_whose_commands_are_none_is_stopped(law: Any) -> None:
     assert control.drives.stopped
 
 
+def test_a_command_of_a_law_that_has_a_wrong_shape_is_not_held() -> None:
+    own, plant = Held(), wbc.Plant(HRP4, control_period=DT)
+    na, m = plant.robot.na, plant.measure()
+    state = own.drives.estimate(m)
+    good = own.drives.relay(state, lambda _: wbc.Command(np.full(na, 1.0)))
+    for position, kp in ((np.zeros(2), None), (np.zeros(na), np.zeros(2))):
+        wrong = wbc.Command(np.full(na, 9.0), position, np.zeros(na), kp=kp, kd=kp)
+        held = own.drives.relay(state, lambda _, wrong=wrong: wrong)
+        assert own.drives.failing and held.joint_position is None and held.kp is None
+        np.testing.assert_allclose(held.joint_torque, good.joint_torque, atol=1e-6)
+
+
 def test_joints_of_a_torque_alone_are_damped_while_the_command_of_a_law_is_held() -> None:
     plant, control = wbc.Plant(HRP4, control_period=DT), Held()
     for gain in control.gains:

@@ -168,6 +168,7 @@ class DriveControl(Control):
 
     Attributes:
         controller: The controller.
+        observer: Observer that estimates the state from measurements.
         sensing: Checks of measurements, observer, monitor, falls and clock.
         gate: Limits of commands.
     """
@@ -188,7 +189,7 @@ class DriveControl(Control):
         `failure_policy` is the reaction to failures, `safety` the ranges of measurements and commands.
         """
         self.controller = controller
-        observer = Observer(controller.robot) if observer is None else observer
+        self.observer = observer = Observer(controller.robot) if observer is None else observer
         if observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
         controller.run_by("position" if self._moves_references else "torque", observer.robot)
@@ -240,11 +241,6 @@ class DriveControl(Control):
         raise NotImplementedError
 
     # ---- what is known ------------------------------------------------------------------------------------------
-
-    @property
-    def observer(self) -> Observer:
-        """Observer that estimates the state from measurements."""
-        return self.sensing.observer
 
     @property
     def measurement(self) -> Measurement | None:
@@ -348,8 +344,8 @@ class DriveControl(Control):
 
         `State.ok` is False for a measurement that cannot be used; nothing is raised.
         """
-        sensing, start, dt = self.sensing, perf_counter(), self.controller.dt
-        observer, last = sensing.observer, sensing.measurement
+        sensing, observer, start, dt = self.sensing, self.observer, perf_counter(), self.controller.dt
+        last = sensing.measurement
         sensing.time = time = sensing.time + dt
         try:
             released, soles = self.controller.released, self._reference_soles()

@@ -79,48 +79,44 @@ class FailureRecord:
 
 
 class HeldCommand:
-    """Last command of a law that is not the QP's, which is held at rest in ticks that fail.
-
-    Attributes:
-        empty: True if no command is held.
-    """
+    """Last command of a law that is not the QP's, which is held at rest in ticks that fail."""
 
     def __init__(self, joints: int) -> None:
         """Hold nothing yet, of a robot with some number of joints."""
-        self._has_references = self._has_gains = False
-        self._torque, self._position, self._kp, self._kd = np.zeros((4, joints))
-        self.empty = True
+        # Torque, position, kp and kd, of which the first ones are held: none, torque, both, or all.
+        self._values, self._held = np.zeros((4, joints)), 0
+
+    @property
+    def empty(self) -> bool:
+        """True if no command is held."""
+        return not self._held
 
     def forget(self) -> None:
         """Hold nothing."""
-        self.empty = True
+        self._held = 0
 
     def keep(self, command: Command) -> None:
-        """Hold a command from now on, whose arrays belong to who gets it."""
-        position, kp, kd = command.joint_position, command.kp, command.kd
-        self._torque[:] = command.joint_torque
-        self._has_references = position is not None
-        self._has_gains = position is not None and kp is not None and kd is not None
-        if position is not None:
-            self._position[:] = position
-            if kp is not None and kd is not None:
-                self._kp[:], self._kd[:] = kp, kd
-        self.empty = False
+        """Hold a command from now on, whose arrays belong to who gets it; one of a wrong shape changes nothing."""
+        parts = [command.joint_torque]
+        if command.joint_position is not None:
+            parts.append(command.joint_position)
+            if command.kp is not None and command.kd is not None:
+                parts += [command.kp, command.kd]
+        self._values[: len(parts)] = parts
+        self._held = len(parts)
 
     def at_rest(self, gate: CommandGate, damping: Array, measured: tuple[Array, Array]) -> Command:
         """Return the command with a velocity reference of zero, within the limits of the gate.
 
-        Args:
-            gate: Limits of commands.
-            damping: Damping of joints that no servo damps, shape (na,), Nms/rad.
-            measured: q and q̇ of the joints, shape (na,) each, rad and rad/s; NaN where they are unknown.
+        `damping` is that of joints that no servo damps, shape (na,), Nms/rad; `measured` are q and q̇ of the joints, NaN
+        where they are unknown.
         """
-        torque, position = self._torque, self._position
-        if not self._has_references:
+        torque, position, kp, kd = self._values
+        if self._held == 1:
             return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
         gate.reset(position)  # a law need not move the references of the gate
         still = np.zeros_like(position)
-        if not self._has_gains:
+        if self._held == 2:
             return gate.pass_on(torque, position, still)
-        gains = self._kp, np.where(self._kd > 0.0, self._kd, damping)  # no joint of a torque alone speeds up
+        gains = kp, np.where(kd > 0.0, kd, damping)  # no joint of a torque alone speeds up
         return gate.pass_on_with_gains(torque, position, still, gains, measured)

@@ -97,14 +97,8 @@ class Sensing:
     ) -> Measurement:
         """Update the estimate from what is plausible of a measurement, and return that.
 
-        Args:
-            measurement: Measurement as received.
-            soles: Placements of the soles to which the estimate is drawn; see `Observer.update`.
-            forgiven: Joints whose encoders fail no tick, shape (na,); see `Plausibility.check`.
-            follows: True if the last command's accelerations are those of the estimated robot.
-
-        Raises:
-            MeasurementError: A measurement that cannot be used.
+        See `Observer.update` for soles, and `Plausibility.check` for joints that are forgiven, and for its errors. The
+        accelerations of the last command are those of the estimated robot if it `follows`.
         """
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
