@@ -9,9 +9,9 @@ friction cone and the torque limits of the arm, near the one that is asked for. 
 presses, and the low-passed measured wrench of one that grips: with the whole of it as feed-forward the servos would
 cancel each change of it, and the hand would not yield.
 
-The hand moves as its arm leads it (`wbc.walking.hands.arm`): in the world until it is there, and relative to the feet
-once it grips, or has lost its contact. A hand that grips yields where the force on it exceeds its limit. A
-hand that presses yields at a speed proportional to its force error, so that the force follows the one that the QP chose
+The hand leads its arm (`wbc.walking.hands.arm`): in the world until it is there, and relative to the feet once it
+grips, or has lost its contact. A hand that grips yields where the force on it exceeds its limit. A hand that presses
+yields at a speed proportional to its force error, so that the force follows the one that the QP chose
 while robot and surface move. The admittance is 1 / (4 T K), with the stiffness K of the arm's servos at the hand, along
 the force, and the delay T of sensor and servo.
 """
@@ -126,7 +126,7 @@ class Hand:
 
     Attributes:
         index: Its place in `Measurement.hand_wrenches`.
-        arm: Its arm, which leads it.
+        arm: Its arm, which it leads while it is not free.
         tip: Place of its tip in its frame, shape (3,), m: the point at which it presses.
         contact: What it presses on; active while it holds.
         grasp: What it grips; active while it does.

@@ -178,8 +178,7 @@ class Hands:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured.
         """
-        force, along = self._order(hand, force, direction)
-        self._check_free(hand, HandState.GRIP, "presses")
+        force, along = self._order(hand, force, direction, HandState.GRIP)
         point = None if at is None else self._reachable(hand, at)
         if point is None:
             most, joint = self.all[hand].arm.strength(along, self.settings.share, self.all[hand].tip)
@@ -207,25 +206,26 @@ class Hands:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured.
         """
-        limit, along = self._order(hand, limit, direction)
-        self._check_free(hand, HandState.HOLD, "grips")
+        limit, along = self._order(hand, limit, direction, HandState.HOLD)
         point = self._reachable(hand, at)
         self._check_loss(hand, along, limit, point)
         self.all[hand].grip(along, limit, point)
 
-    def _check_free(self, hand: str, state: HandState, does: str) -> None:
-        """Refuse another order while a hand holds in a state: its contact would be lost within a tick."""
-        if self.all[hand].state is state:
-            raise InputError(
-                f"{hand} must let go of what it holds before it {does}: release('{hand}') and wait until it is free"
-            )
+    def _order(self, hand: str, force: float, direction: ArrayLike, other: HandState) -> tuple[float, Array]:
+        """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,).
 
-    def _order(self, hand: str, force: float, direction: ArrayLike) -> tuple[float, Array]:
-        """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,)."""
-        self.all[choose("hand", hand, self.all)].arm.check_idle()
+        In the other state the hand holds on by a contact that the order would lose within a tick.
+        """
+        each = self.all[choose("hand", hand, self.all)]
+        each.arm.check_idle()
         self._check_sensor(hand)
         checked = finite_scalar(f"force of {hand} (N)", force, low=0.0)
-        return checked, unit_vector(f"direction of {hand}", direction)
+        along = unit_vector(f"direction of {hand}", direction)
+        if each.state is other:
+            raise InputError(
+                f"{hand} must let go of what it holds before another order: release('{hand}') and wait until it is free"
+            )
+        return checked, along
 
     def _reachable(self, hand: str, at: ArrayLike) -> Array:
         """Return a point for a hand, shape (3,), m, after a check."""
