@@ -292,17 +292,25 @@ class Observer:
         `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `imu_rate` is the velocity
         of the IMU in the base frame.
         """
-        model, data, inertial = self.robot.model, self._data, self.inertial
-        self._wrenches = wrenches = m.wrenches.tolist()
-        self.load_shares = shares = self._bear(wrenches, base, dt, first)
+        s, model, data, inertial = self.settings, self.robot.model, self._data, self.inertial
         moving, at_imu = turned_all(base, (imu_rate.linear.tolist(), self._imu_position.tolist()))
         self._imu_motion = x, y, z = add_cross(moving, spin, at_imu)
-        for foot, sole in zip(self._feet, self._soles, strict=True):
+        least, gains = self._min_load, (1.0, 1.0)  # the first tick is unfiltered
+        if not first:
+            gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
+        self._wrenches = wrenches = m.wrenches.tolist()
+        loads: list[float] = []
+        for foot, sole, wrench, (rotation, place) in zip(
+            self._feet, self._soles, wrenches, self._sole_frames, strict=True
+        ):
+            foot.bear(wrench, base, (rotation.tolist(), place.tolist()), gains, least, self.sinking, dt)
             foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
+            loads.append(max(foot.load - least, 0.0))
+        total = sum(loads)
+        self.load_shares = shares = [load / total for load in loads] if total > 0.0 else loads
         u, v, w = inertial.velocity.tolist()
         expected, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
-        slip = self.settings.slip + self.sinking.speed
-        return self._detector.update(self._feet, shares, expected, steady, slip, dt)
+        return self._detector.update(self._feet, shares, expected, steady, s.slip + self.sinking.speed, dt)
 
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
@@ -313,22 +321,6 @@ class Observer:
                 )
         if not math.isfinite(m.time) or (self.time is not None and m.time < self.time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
-
-    def _bear(self, wrenches: Sequence[Vector], base: Rotation, dt: float, first: bool) -> list[float]:
-        """Take in the wrenches on the soles, in the first tick unfiltered, and return the shares of the load.
-
-        `base` is the rotation of the base.
-        """
-        s, least = self.settings, self._min_load
-        loads: list[float] = []
-        gains = (1.0, 1.0)
-        if not first:
-            gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
-        for foot, wrench, (rotation, place) in zip(self._feet, wrenches, self._sole_frames, strict=True):
-            foot.bear(wrench, base, (rotation.tolist(), place.tolist()), gains, least, self.sinking, dt)
-            loads.append(max(foot.load - least, 0.0))
-        total = sum(loads)
-        return [load / total for load in loads] if total > 0.0 else loads
 
     def _imu_by_legs(self, shares: Sequence[float]) -> tuple[Vector | None, float]:
         """Return the velocity of the IMU by the feet that rest, m/s, None in flight, and the error of its yaw, rad.
