@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import field
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -32,7 +31,6 @@ from wbc.base.settings import (
     to_json,
     unit_and_choices,
     units,
-    usable_path,
 )
 
 
@@ -218,11 +216,3 @@ def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> 
     for degrees in (-360.0, 7.0, -7.0):
         with pytest.raises(InputError, match=r"angle \(rad\)"):
             Turn(degrees)
-
-
-def test_a_path_names_a_file_of_printable_characters_that_is_not_too_long() -> None:
-    good = Path("a") / ("x" * 255) / "y.stl"
-    assert usable_path(good) == good
-    for bad in (Path("x" * 256), Path("ä" * 128), Path("a\nb"), Path(*["x" * 199] * 21)):
-        with pytest.raises(InputError):
-            usable_path(bad)

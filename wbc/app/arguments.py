@@ -10,24 +10,21 @@ import inspect
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
-from pathlib import Path
 from typing import Annotated, Any
 
 import docstring_parser
 from cyclopts import App, ArgumentCollection, Parameter
 
 from wbc.base.errors import InputError
-from wbc.base.settings import nested_settings, read_changes, usable_path
+from wbc.base.settings import nested_settings, read_changes
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Check words before they are converted, names of files and whole numbers; cyclopts calls it for every command."""
+    """Check whole numbers before they are converted; cyclopts calls it for every command."""
     del app, commands
     for argument in arguments:
         kinds = (argument.hint, *typing.get_args(argument.hint))
         for token in argument.tokens:
-            if Path in kinds:
-                usable_path(Path(token.value))
             if int in kinds:
                 _check_whole(argument.name, token.value)
 

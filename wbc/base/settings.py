@@ -25,7 +25,6 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
-from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transform, overload
 
 import numpy as np
@@ -173,14 +172,6 @@ def hashable(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {hashable(key): hashable(each) for key, each in value.items()}
     return tuple(map(hashable, value)) if isinstance(value, (list, tuple)) else value
-
-
-def usable_path(path: Path) -> Path:
-    """Return a path that can name a file: not too long, of printable characters; else an `InputError`."""
-    name = str(path)
-    if not name.isprintable() or len(name) > 4000 or any(len(part.encode()) > 255 for part in path.parts):
-        raise InputError(f"{shown(name)} cannot be the name of a file")
-    return path
 
 
 FIELDS = "__dataclass_fields__"

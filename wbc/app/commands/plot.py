@@ -16,7 +16,7 @@ from wbc.app.log.writer import MAGIC
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
-from wbc.base.settings import settings, usable_path
+from wbc.base.settings import settings
 
 logger = logging.getLogger(__name__)
 
@@ -92,8 +92,6 @@ def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     paths = [Path(word) for i, word in enumerate(words) if i == 0 or _is_log(word)]
     if not paths:
         raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
-    for path in paths:
-        usable_path(path)
     return paths, [word for word in words if Path(word) not in paths]
 
 
