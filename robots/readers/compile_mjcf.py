@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -80,27 +79,22 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     where = shown_path(path)
     if first_tag(text := read_xml(path, "MJCF")) == "sdf":
         return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
-    texts = _texts(path)
-    _refuse_other_formats(where, texts[path.name])
-    return where, lambda: _spec_of(path, texts)
+    _refuse_other_formats(where, text)
+    return where, lambda: read_spec(path)
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
-    """Return the spec of an MJCF file of any ending and encoding; its meshes are looked for beside it."""
-    return _spec_of(path, _texts(path))
+    """Return the spec of an MJCF file; its meshes are looked for beside it.
 
-
-def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
-    """Return the spec of a file, given its text and those of what it includes.
-
-    MuJoCo knows UTF-8 and the ending .xml alone; what is written otherwise it gets as text.
+    MuJoCo opens files with the ending .xml alone; what is called otherwise it gets as text, with what that includes.
     """
-    plain = (
-        (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
-        for name, text in texts.items()
-    )
-    if path.suffix == ".xml" and all(plain):
+    if path.suffix == ".xml":
         return mujoco.MjSpec.from_file(str(path))
+    texts, waiting = dict[str, str](), [path.name]
+    for name in waiting:
+        if name not in texts and (path.parent / name).is_file():
+            texts[name] = read_xml(path.parent / name, "MJCF")
+            waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
     own, *others = texts
     spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
     spec.modelfiledir = str(path.parent)
@@ -120,23 +114,6 @@ def _tree(text: str, where: str) -> ET.Element:
         return parse_xml(text)
     except ET.ParseError as error:
         raise ModelError(f"{where}: {error}") from error
-
-
-def _texts(path: Path) -> dict[str, str]:
-    """Return the text of a file and of what it includes, by names relative to its folder, the file itself first."""
-    texts: dict[str, str] = {}
-    waiting = [path.name]
-    for name in waiting:
-        if name in texts or not (path.parent / name).is_file():
-            continue
-        try:
-            texts[name] = read_xml(path.parent / name, "MJCF")
-        except InputError:
-            if not texts:
-                raise
-            continue  # MuJoCo reads, or refuses, what is included
-        waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
-    return texts
 
 
 def _refuse_other_formats(where: str, content: str) -> None:

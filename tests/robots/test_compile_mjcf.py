@@ -118,9 +118,7 @@ def test_files_that_are_missing_or_broken_are_named_with_the_way_out(tmp_path: P
         RobotDescription.from_mjcf(robot(arm='<geom type="mesh" mesh="m"/>'), base="fixed")
     assert "without-meshes" not in str(error.value)
     path.write_text(robot('<include file="part.xml"/>'))
-    (tmp_path / "part.xml").write_text(
-        "<mujocoinclude><compiler autolimits='true'/></mujocoinclude>", encoding="utf-16"
-    )
+    (tmp_path / "part.xml").write_text("<mujocoinclude><compiler autolimits='true'/></mujocoinclude>")
     assert RobotDescription.from_mjcf(path, base="fixed").joint_names == ("a", "b")
 
 

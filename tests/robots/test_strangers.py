@@ -23,8 +23,6 @@ MJCF = (EXAMPLES / "biped.xml").read_text(encoding="utf-8")
 FEET = {"left_sole": "left_foot", "right_sole": "right_foot"}
 ENCODINGS = {
     "iso-8859-1": "latin-1",
-    "utf-16": "utf-16",
-    "utf-16le": "utf-16-le",
     "UTF-8": "utf-8-sig",
     "cp1252": "cp1252",
 }
