@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, names_in, shown_path
+from wbc.base.errors import InputError, shown_path
 from wbc.base.files import decoding, first_tag, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
@@ -54,9 +54,6 @@ def read(path: str | Path) -> RobotDescription:
     source = values.pop("file", None)
     if not isinstance(source, str):
         raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
-    for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
-        if not name.isprintable():
-            raise InputError(f"{shown_path(path)} names {shown_path(name)}")
     values.setdefault("name", place.stem)
     return describe(place.parent / Path(source).expanduser(), values)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -254,12 +255,8 @@ def read(source: str | Path) -> Urdf:
 
 def existing(name: str, kind: str, choices: str) -> Path:
     """Return the path of a file of a kind such as "URDF"; without one an `InputError` with the choices."""
-    path = Path(name).expanduser() if name.isprintable() else Path(shown(name))
-    try:
-        known = path.is_file()
-    except OSError:  # a name that is too long
-        known = False
-    if not known:
+    path = Path(name).expanduser()
+    if not os.path.isfile(path):  # False for a name that is too long, too
         raise InputError(f"no {kind} file {shown_path(path)}; give {choices}")
     return path
 

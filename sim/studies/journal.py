@@ -35,7 +35,7 @@ from pydantic import BaseModel
 from pydantic_core import from_json, to_jsonable_python
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, check_parts, shown_path
+from wbc.base.errors import InputError, WbcError, check_parts
 from wbc.base.files import decoding
 from wbc.base.numbers import plain
 from wbc.base.settings import to_json
@@ -319,11 +319,7 @@ class Journal:
 def check_journal_path(path: Path | str) -> Path:
     """Return the path of a journal to write; refused are a folder and a compressed file, before a long run begins."""
     path = Path(path)
-    try:
-        folder = path.is_dir()
-    except OSError as error:  # a name that is too long
-        raise InputError(f"journal {shown_path(path)} cannot be used: {error.strerror}") from error
-    if folder:
+    if os.path.isdir(path):
         raise InputError(f"a journal is a file, but {path} is a folder")
     if path.suffix == PACKED:
         raise InputError(
