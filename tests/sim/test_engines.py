@@ -308,7 +308,7 @@ BAD: dict[str, Callable[[str], object]] = {
     "no loop 'bullet'": lambda file: StandSpec(loop="bullet"),
     "no loop ''": lambda file: StandSpec(loop=""),
     "gone.py": lambda file: StandSpec(loop="gone.py:Loop"),
-    "it has of_ones_own": lambda file: StandSpec(loop=f"{file}:other"),
+    "of_ones_own": lambda file: StandSpec(loop=f"{file}:other"),
     "got 7": lambda file: StandSpec(loop=f"{file}:no_loop"),
     "takes no timestep, noise, seed, machine": lambda file: StandSpec(loop=f"{file}:too_few"),
     "lacks base_pose": lambda file: stand(seconds=0.1, loop=f"{file}:hollow"),
