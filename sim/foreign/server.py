@@ -36,7 +36,8 @@ class RobotWire(Protocol):
 class RobotServer:
     """Server that runs a simulated robot in real time.
 
-    Until the first command its servos hold the posture, as if the robot was in a rack.
+    Until the first command its servos hold the posture, as if the robot was in a rack. A command that is refused and a
+    request for damping leave the robot in the rack.
 
     Attributes:
         loop: The simulated robot.
@@ -110,7 +111,7 @@ class RobotServer:
                     raise InputError(f"a robot takes a Command, got {shown(command)}")
                 command.check(self.loop.robot.joint_names)
         except InputError as error:
-            logger.warning("%s: the joints are damped", error)
+            logger.warning("%s: the %s", error, "joints are damped" if self._rack is None else "rack holds")
             damped = True
         if damped:
             self._command = None

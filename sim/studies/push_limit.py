@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Self
 
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.settings import Positive, from_json, json_object, settings, to_json, units
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
@@ -101,10 +101,10 @@ class PushLimitSpec:
         if values.pop("kind", WALK) == WALK:
             kind, pushes = WalkSpec, values.pop("pushes", [])
             if not isinstance(pushes, (list, tuple)) or len(pushes) != 1:
-                raise InputError(f"a push limit needs a walk with one push, got {len(pushes)}")
-            push = dict(pushes[0])
+                raise InputError(f"a push limit needs a walk with one push, got {shown(pushes)}")
+            push = json_object("a push", pushes[0])
         else:
-            push = {"time": 0.5} | dict(values.pop("push", {}))
+            push = {"time": 0.5} | json_object("a push", values.pop("push", {}))
         own = {name: values.pop(name) for name in OWN if name in values}
         return cls(trial=kind.from_json(values), push=from_json(WalkPush, {"impulse": 0.0} | push), **own)
 

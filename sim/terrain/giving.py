@@ -92,7 +92,8 @@ class GivingFloor:
             sole = data.site(foot.wrench_site)
             points = (data.geom_xpos[geoms] - sole.xpos) @ sole.xmat.reshape(3, 3)
             area[geoms] = point_areas(points[:, :2], foot.fit.sole.length * foot.fit.sole.width)
-        self._own = np.flatnonzero(area)
+        self._sole = area > 0.0
+        self._own = np.flatnonzero(self._sole)
         self._area = area[self._own]
         self._floor = ground.floor_stiffness or 0.0, ground.own_damping
         self._areas, self._height = ground.surface_areas, ground.height
@@ -114,7 +115,8 @@ class GivingFloor:
         A row has the regularisation R = (1 − d)/d Â / (1 + h (b + h s)/d) with the step h.
         """
         contact, step = data.contact, model.opt.timestep
-        geoms, rows = contact.geom.max(axis=1, initial=0), contact.efc_address
+        one, other = contact.geom.T
+        geoms, rows = np.where(self._sole[one], one, other), contact.efc_address
         touching = (rows >= 0) & (model.geom_solimp[geoms, 0] == IMPEDANCE)
         geoms, rows = geoms[touching], rows[touching]
         s, b = -model.geom_solref[geoms].T

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
 from wbc.base.vectors import along
+from wbc.core.conventions import rotation_of
 from wbc.core.drive.control import DriveControl
-from wbc.core.frames import heading
+from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.simulation.simulation import Simulation
@@ -235,12 +236,14 @@ class WalkMeter(TrialHook):
     def fall(self, reason: str) -> Fall:
         """Return a fall that has just been detected, with its onset.
 
-        Without DCM errors the onset is the fall itself, and its direction that of the CoM's true velocity.
+        Without DCM errors the onset is the fall itself, and its direction that of the CoM's true velocity, which is
+        seen from the pelvis where no stance foot is known: of a policy.
         """
         moments = list(self._moments)
         if not moments:
             unseen = self._walking.progress._replace(elapsed=0.0, stance=0)
-            moments = [_Moment(self._plant.time, unseen, np.eye(3), [0.0, 0.0])]
+            ahead = yaw_rotation(heading(rotation_of(np.array(self._plant.base_pose[3:]))))
+            moments = [_Moment(self._plant.time, unseen, ahead, None)]
         onset = moments[-1]
         for moment in reversed(moments):
             if moment.dcm is None or math.hypot(*moment.dcm) < EXCURSION:

@@ -124,7 +124,7 @@ class WalkResult(TrialResult):
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
         J: Objective of the paper's optimisation, see `objective`.
         fell: True if it fell.
-        fall_reason: height, tilt, dcm or solver; None if it did not fall.
+        fall_reason: height, tilt, down or solver; None if it did not fall.
         fall: The fall; None if it did not fall.
         diverged: Reason why the simulation has diverged; None while it has not.
         distance: Displacement of the feet along their first heading, m.

@@ -364,11 +364,14 @@ def test_soles_take_a_stiffness_in_their_next_swing() -> None:
     plan = WalkPlan(distance=0.1)
     spec = WalkSpec(plan=plan, gait=gait, foot="variable", stiffness=10.0, noise="none", changes=in_time)
     trial = WalkTrial(spec)
-    LiveControls(trial.plant, trial.control).apply({"do": "set", "name": "soles/stiffness", "value": 30.0})
+    controls = LiveControls(trial.plant, trial.control)
+    controls.apply({"do": "set", "name": "soles/stiffness", "value": 30.0})
+    assert controls.settings["soles/stiffness"].value == 10.0  # no foot has swung
     while trial.control.steps_done < 1:
         measured = trial.plant.measure()
         trial.plant.step(trial.control.command(measured))
     assert measured.sole_stiffness == pytest.approx([30.0, 10.0], abs=0.5)  # the foot that has swung
+    assert controls.settings["soles/stiffness"].value == pytest.approx(30.0)
 
 
 @pytest.mark.slow

@@ -124,6 +124,8 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: ground("stones", 1e9), "amplitude"),
         (lambda: terrain("flat").profile(1.0, 0.5), "x1"),
         (lambda: terrain("patchwork", families="boards:0.5"), "height"),
+        (lambda: terrain("patchwork", families="boards:x"), "height of boards .* must be a number, got 'x'$"),
+        (lambda: terrain("patchwork", families="boards:0 stones"), "above 0"),
         (lambda: image(source="none.png"), "none.png"),
         (lambda: image(source=np.array([[np.nan, 1.0], [2.0, 3.0]])), "finite"),
         (lambda: terrain("image", source=np.eye(5)), "metres_per_pixel|scale"),

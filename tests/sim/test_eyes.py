@@ -172,12 +172,7 @@ def test_readings_of_toes_have_the_noise_losses_and_range_that_they_say() -> Non
     assert plant.eyes is not None
     (view,) = plant.eyes._views
     q = plant.on_ground(plant.robot.half_sitting)
-    for height, seen in (
-        (0.029, False),
-        (0.05, True),
-        (0.099, True),
-        (0.101, False),
-    ):  # sensors are 20 mm higher
+    for height, seen in ((0.029, False), (0.05, True), (0.119, True), (0.121, False)):  # of the sole
         lifted = q.copy()
         lifted[2] += height
         plant.reset(lifted)

@@ -267,6 +267,18 @@ def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) 
     assert -np.mean(heights) == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
 
 
+def test_a_robot_sinks_into_stairs_as_into_a_floor_of_their_stiffness() -> None:
+    """On a step of 0.09 m a contact is one of a sole and a solid of the ground: the depth is weight over k A."""
+    stairs = terrain("steps", 0.09, direction="down", start=0.5, strip=2.0, floor_stiffness=STIFFNESS)
+    plant = wbc.Plant("hrp4_class", terrain=stairs, visuals=False)
+    while plant.time < 0.5:
+        plant.step(plant.hold())
+    depth = -np.mean([plant.sole_pose(side)[0][2] for side in (0, 1)])
+    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    weight = float(plant.model.body_subtreemass[plant.places.root]) * GRAVITY
+    assert depth == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
+
+
 @pytest.mark.parametrize("name", ["flat", "rigid"])
 @pytest.mark.parametrize("stiffness", [1e6, 1e7])
 def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None:

@@ -135,7 +135,7 @@ def test_a_robot_without_commands_is_damped_and_sinks(loop: MujocoLoop) -> None:
 
 
 def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_has_heard_none(
-    loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch
+    loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now, wire = [100.0], Wire()
     monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=None))
@@ -144,6 +144,9 @@ def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_h
     for wire.damped in (False, True):  # a rack does not let go, and does not damp
         server.step()
         assert server.silent == math.inf and not server.damped
+    wire.command = Command(np.full(loop.robot.na, np.nan))
+    server.step()
+    assert not server.damped and "rack holds" in caplog.text and "damped" not in caplog.text
     wire.damped, wire.command = False, COMMAND
     server.step()
     assert server.silent == 0.0
@@ -151,7 +154,7 @@ def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_h
         wire.command, now[0] = None, now[0] + passed
         server.step()
     assert server.silent == pytest.approx(5.006) and server.damped
-    assert [m.time for m in wire.sent] == pytest.approx([0.005 * i for i in range(1, 6)])
+    assert [m.time for m in wire.sent] == pytest.approx([0.005 * i for i in range(1, 7)])
 
 
 def test_a_plant_is_served_as_a_robot_in_any_model_is() -> None:

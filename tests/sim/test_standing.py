@@ -278,9 +278,12 @@ def test_a_search_on_a_walk_has_one_push_whose_impulse_does_not_count() -> None:
         PushLimitSpec(trial=replace(walk, pushes=(other,)), push=one)
     with pytest.raises(InputError, match="at step 99"):
         PushLimitSpec(trial=walk, push=replace(one, step=99))
-    for pushes in ([], 2 * plain["pushes"]):
-        with pytest.raises(InputError, match=f"one push, got {len(pushes)}"):
+    for pushes in ([], 2 * plain["pushes"], 5, None):
+        with pytest.raises(InputError, match="a walk with one push, got"):
             PushLimitSpec.from_json(plain | {"pushes": pushes})
+    for bad in (plain | {"pushes": [3]}, {"kind": "stand_push_limit", "push": 3}):
+        with pytest.raises(InputError, match="a push must be an object of names and values, got 3"):
+            trial_from_json(bad)
 
 
 def test_a_search_begins_without_a_push_and_adds_up_its_walks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -386,7 +386,8 @@ def fall(moments: list[_Moment], reason: str = "tilt", velocity: tuple[float, ..
     meter._moments = deque(moments)
     meter._walking = SimpleNamespace(progress=Progress(steps_done=4))
     truth = SimpleNamespace(com_velocity=np.array(velocity))
-    meter._plant = SimpleNamespace(time=9.0, truth=lambda: truth)
+    turned = Rotation.from_euler("ZYX", [2.0, 0.3, 0.2]).as_quat().tolist()
+    meter._plant = SimpleNamespace(time=9.0, truth=lambda: truth, base_pose=[0.0, 0.0, 0.5, *turned])
     return meter.fall(reason)
 
 
@@ -403,6 +404,15 @@ def test_the_onset_of_a_fall_is_the_last_time_that_the_dcm_left_its_reference() 
     )  # a fall without an excursion begins where it is seen
     bare = fall([])
     assert (bare.onset, bare.step, bare.phase) == (9.0, 5, "standing")
+
+
+def test_a_fall_without_a_stance_foot_goes_where_the_com_moves_from_the_pelvis() -> None:
+    """A policy has no references; the heading of the pelvis is 2 rad."""
+    for way, cause in enumerate(("forward", "left", "backward", "right")):
+        angle = 2.0 + 0.5 * math.pi * way
+        found = fall([], velocity=(math.cos(angle), math.sin(angle), -1.0))
+        assert found.cause == cause and found.dcm_forward is None and found.dcm_outward is None
+        assert found.sole_roll == found.sole_pitch == 0.0
 
 
 @pytest.mark.parametrize("stance", [0, 1])

@@ -17,7 +17,6 @@ REASONS = {
     "height": "it dropped",
     "tilt": "it tilted",
     "down": "it lay down",
-    "dcm": "the DCM was out of reach",
     "solver": "the QP failed",
 }
 """Reason of a fall → words."""

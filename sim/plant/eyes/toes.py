@@ -65,7 +65,7 @@ class ToeView:
             distance = self._ranges(site, at)
             read = distance + s.noise * self._random.standard_normal(distance.size)
             under = distance - at[:, 2]  # the sole
-            good = (under > s.nearest) & (distance < s.furthest)
+            good = (under > s.nearest) & (under < s.furthest)
             good &= self._random.random(distance.size) >= s.dropout
             if good.any():
                 points = at[good] - read[good, None] * (0.0, 0.0, 1.0)

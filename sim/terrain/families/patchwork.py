@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
@@ -49,10 +50,10 @@ class Patchwork(ShapeFamily):
             name, _, share = text.partition(":")
             if name in parts:
                 raise InputError(f"patchwork has the family '{name}' twice")
-            height = float(share) if share else 1.0
-            parts[name] = finite_scalar(f"height of {name} in a patchwork", height, low=0.0, high=1.0)
-            if not height:
-                raise InputError(f"height of {name} in a patchwork must be above 0, got {share}")
+            height: Any = share or 1.0
+            with suppress(ValueError):  # what is no number is refused in the next line
+                height = float(height)
+            parts[name] = finite_scalar(f"height of {name} in a patchwork", height, above=0.0, high=1.0)
             self._family(name)
         return parts
 

@@ -149,7 +149,9 @@ class LiveControls:
                 found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
             about = "each foot takes it in its next swing"
-            found.append(Setting("soles/stiffness", "Nm/rad", foot.stiffness, about, self._set_stiffness))
+            scheduler = walking.stiffness
+            value = foot.stiffness if scheduler is None else float(scheduler.command.max())
+            found.append(Setting("soles/stiffness", "Nm/rad", value, about, self._set_stiffness))
         for task in () if self.controller is None else self.controller.tasks:
             found += _task_settings(task)
         return {each.name: each for each in found}
