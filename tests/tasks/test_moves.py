@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,14 @@ from task_factory import arm, left_hand, right_hand, standing
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.move import DirectionCoordinates, Move, least_turn
+from wbc.core.qp.move import (
+    Coordinates,
+    DirectionCoordinates,
+    Move,
+    PoseCoordinates,
+    RotationCoordinates,
+    least_turn,
+)
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Trajectory
 from wbc.tasks import (
@@ -99,6 +107,54 @@ def test_a_direction_that_moves_has_the_rates_of_its_own_motion(
         np.testing.assert_allclose(velocity, np.cross(direction, (after[0] - before[0]) / (2 * h)), atol=1e-6)
         np.testing.assert_allclose(acceleration, (after[1] - before[1]) / (2 * h), atol=1e-6)
     np.testing.assert_allclose(at(duration)[0], unit(ways[-1]), atol=1e-9)
+
+
+X, Y, Z = np.eye(3)
+
+
+@pytest.mark.parametrize("axis", [Z, np.array([0.6, 0.0, 0.8])], ids=["z", "tilted"])
+@pytest.mark.parametrize(
+    "angles", [(120, 240, 360), (90, 180, 270, 360), (150, 300, 450, 600, 720), (-120, -240, -360)]
+)
+def test_a_move_around_passes_whole_turns_without_a_way_back(axis: Array, angles: tuple[int, ...]) -> None:
+    """Rotations about one axis turn by the sum of the angles between them: rotations, poses and directions."""
+    across = np.cross(axis, X) / np.linalg.norm(np.cross(axis, X))
+    turns = [pin.exp3(np.radians(angle) * axis) for angle in angles]
+    moves: list[tuple[Coordinates, list[Any], Callable[[Any], Array]]] = [
+        (RotationCoordinates(np.eye(3), np.asarray), turns, lambda now: now @ across),
+        (DirectionCoordinates(across, np.asarray), [turn @ across for turn in turns], lambda now: now),
+        (
+            PoseCoordinates(pin.SE3.Identity(), lambda pose: pose),
+            [pin.SE3(turn, i * X) for i, turn in enumerate(turns)],
+            lambda now: now.rotation @ across,
+        ),
+    ]
+    for coordinates, targets, direction in moves:
+        assert _turned(coordinates, targets, direction) == pytest.approx(abs(angles[-1]), abs=0.1)
+
+
+def _turned(coordinates: Coordinates, targets: list[Any], direction: Callable[[Any], Array]) -> float:
+    """Angle that a direction passes on a move, degrees."""
+    move = Move(coordinates, targets, (None, None), duration=2.0)
+    ends = [direction(coordinates.target(*move._trajectory.at(t))[0]) for t in np.linspace(0.0, 2.0, 400)]
+    return float(np.degrees(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(ends))))
+
+
+@pytest.mark.parametrize("targets", [*itertools.permutations([X, Y, Z, -X, -Y, -Z], 2)])
+def test_a_direction_that_turns_round_goes_on_about_the_axis_of_its_way(targets: tuple[Array, Array]) -> None:
+    """A direction to one across and on to the opposite passes half a turn, whatever the axes."""
+    across, end = targets
+    if across @ end == 0.0:
+        coordinates = DirectionCoordinates(-end, np.asarray)
+        assert _turned(coordinates, [across, end], np.asarray) == pytest.approx(180.0, abs=0.1)
+
+
+def test_a_move_with_a_long_way_round_between_two_of_its_targets_is_refused() -> None:
+    """Rotation vectors about axes that are not parallel do not close after a whole turn."""
+    turns = [pin.exp3(np.radians(angle) * Z) for angle in (120, 240, 358)]
+    turns[-1] = turns[-1] @ pin.exp3(0.2 * X)
+    with pytest.raises(InputError, match="half a turn at most"):
+        Move(RotationCoordinates(np.eye(3), np.asarray), turns, (None, None), duration=3.0)
 
 
 def test_a_direction_turns_the_shorter_way_between_any_two_of_its_targets() -> None:
@@ -196,8 +252,10 @@ def test_the_target_of_a_task_that_is_removed_waits_and_moves_on_in_the_controll
     waits = com.target.copy()
     controller.solve()
     np.testing.assert_array_equal(com.target, waits)
+    assert not com.moving
     assert goal[2] < waits[2] < goal[2] + 0.05
     controller.add(com)
+    assert com.moving
     for _ in range(50):
         controller.solve()
     assert not com.moving

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -9,12 +10,19 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.frames import pose_of
 from wbc.core.trajectories import Trajectory
 
 USUAL_SPEED = {"m": 0.2, "rad": 1.0}
 """Unit → greatest speed of a target that is given neither a duration nor a speed, per second."""
+
+SAME = 1e-6
+"""Angle up to which a rotation or direction is the first one again, or half a turn from it, rad."""
+
+SAMPLES = 16
+"""Samples by which the turn between two targets is measured."""
 
 DIFFERENCE = 1e-4
 """Step of the difference that gives the rate of a Jacobian of rotations, rad."""
@@ -44,7 +52,11 @@ class Coordinates:
 
 
 class RotationCoordinates(Coordinates):
-    """Rotations as rotation vectors from the first one, along the fixed axes, rad."""
+    """Rotations as rotation vectors from the first one, along the fixed axes, rad.
+
+    A straight way of such a vector between two rotations is not the least turn between them, unless all axes are
+    parallel, and can be a long way round.
+    """
 
     def __init__(self, base: Array, check: Callable[[Any], Array]) -> None:
         """Begin at a rotation, shape (3, 3); see `Coordinates`."""
@@ -52,10 +64,21 @@ class RotationCoordinates(Coordinates):
         self._base = np.array(base)
 
     def of(self, target: Any, before: Array) -> Array:
-        """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest."""
-        return _nearest_turn(self._turn_to(self._check(target)), before)
+        """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest.
 
-    def _turn_to(self, target: Array) -> Array:
+        A way there of more than half a turn is an `InputError`.
+        """
+        vector = _nearest_turn(self._turn_to(self._check(target), before), before)
+        way = [pin.exp3(place) for place in np.linspace(before, vector, SAMPLES)]
+        turn = sum(float(np.linalg.norm(pin.log3(b @ a.T))) for a, b in itertools.pairwise(way))
+        if turn > math.pi + SAME * SAMPLES:
+            raise InputError(
+                f"a move turns by half a turn at most from one target to the next, got {math.degrees(turn):.0f}°: "
+                "end the move at a target before, and begin another one there"
+            )
+        return vector
+
+    def _turn_to(self, target: Array, before: Array) -> Array:
         return np.asarray(pin.log3(target @ self._base.T))
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
@@ -90,8 +113,8 @@ class PoseCoordinates(Coordinates):
 class DirectionCoordinates(RotationCoordinates):
     """Directions as the least rotation vectors from the first one, rad."""
 
-    def _turn_to(self, target: Array) -> Array:
-        return least_turn(self._base, target)
+    def _turn_to(self, target: Array, before: Array) -> Array:
+        return least_turn(self._base, target, before)
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
         """Return the direction d, d × ḋ and its derivative: the angular velocity ω across d, and how it changes.
@@ -165,21 +188,28 @@ def _turning_rates(place: Array, velocity: Array, acceleration: Array) -> tuple[
 
 def _nearest_turn(vector: Array, before: Array) -> Array:
     """Return the rotation vector that is the same turn as a vector, and nearest to another one, rad, shape (3,)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < ROUNDING:
-        return vector
+    angle, turned = float(np.linalg.norm(vector)), float(np.linalg.norm(before))
+    if angle < SAME:  # whole turns are about any axis
+        return vector if turned < SAME else math.tau * round(turned / math.tau) / turned * before
     axis = vector / angle
     turns = round((float(axis @ before) - angle) / math.tau)
     return np.asarray(vector + math.tau * turns * axis)
 
 
-def least_turn(axis: Array, direction: Array) -> Array:
-    """Return the least rotation vector that turns an axis to a direction, rad; these have length 1, all shape (3,)."""
+def least_turn(axis: Array, direction: Array, before: Array | None = None) -> Array:
+    """Return the least rotation vector that turns an axis to a direction, rad; these have length 1, all shape (3,).
+
+    Half a turn is about the axis of the rotation vector `before`, which is across, or about any one across.
+    """
     cross = np.cross(axis, direction)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
-    if sine < 1e-6:
+    if sine < SAME:
         if cosine > 0.0:
             return np.asarray(cross)  # the sine is the angle
-        cross = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])  # half a turn, about any axis across
+        cross = (
+            before
+            if before is not None and before.any()
+            else np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        )
         return np.asarray(math.pi / np.linalg.norm(cross) * cross)
     return math.atan2(sine, cosine) / sine * cross

@@ -393,8 +393,9 @@ class Task(Motion):
     ) -> None:
         """Move the target to another one on a minimum jerk trajectory, from the next tick on.
 
-        A move goes on from where the target is, with its present velocity, and sets target, feed-forward velocity and
-        acceleration at every tick. Whatever is assigned to one of these ends it.
+        A move goes on from where the target is, with the velocity of a move that it replaces, and at rest otherwise.
+        It sets target, feed-forward velocity and acceleration at every tick. Whatever is assigned to one of these ends
+        it.
 
         Args:
             target: As it is assigned to `target`.
@@ -417,7 +418,8 @@ class Task(Motion):
     ) -> None:
         """Move the target through others, without a stop, to rest at the last after `duration`; see `move_to`.
 
-        A rotation between two of the targets is the shorter turn.
+        Rotations, and directions, move along rotation vectors from the present one. It is an `InputError` if they turn
+        by more than half a turn between two of the targets.
         """
         if self.owner is None:
             raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
@@ -452,8 +454,8 @@ class Task(Motion):
 
     @property
     def moving(self) -> bool:
-        """True while the target moves."""
-        return self._move is not None
+        """True while the target moves; a move of a task that no controller has waits for one."""
+        return self._move is not None and self.owner is not None
 
     def move_on(self, dt: float) -> None:
         """Move a target that is on its way on by one tick of dt, s."""
