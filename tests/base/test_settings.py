@@ -216,3 +216,9 @@ def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> 
     for degrees in (-360.0, 7.0, -7.0):
         with pytest.raises(InputError, match=r"angle \(rad\)"):
             Turn(degrees)
+
+
+def test_a_setting_under_two_names_is_refused() -> None:
+    for change in (changed, normal_changes):
+        with pytest.raises(InputError, match="spec.start' is given twice"):
+            change(Gait(), {"start": (1.0, 2.0, 3.0), "spec.start": (1.0, 2.0, 4.0)})

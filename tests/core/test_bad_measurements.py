@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -11,9 +12,11 @@ import pytest
 from at_rest import at_rest
 
 import wbc
+from wbc.base.errors import MeasurementError
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.qp.solving.solver import Status
 from wbc.core.signals import SIGNALS
 from wbc.sim import TrueFallDetector
@@ -281,3 +284,22 @@ def test_a_robot_stands_on_an_encoder_that_jumps_within_its_range_and_names_it(j
         said.add(walking.status())
     assert walking.drives.failures == 0 and not TrueFallDetector(plant.robot).fallen(plant.truth().q)
     assert any(f"{joint} contradicts" in status for status in said)
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+@pytest.mark.parametrize("make", [lambda value: None, lambda value: value.tolist(), lambda value: value[:-1]])
+def test_an_observer_of_ones_own_refuses_what_is_no_array_of_the_signal(signal: str, make: Callable) -> None:
+    measurement = at_rest(shared_robot(), 0.0)
+    broken = replace(measurement, **{signal: make(getattr(measurement, signal))})
+    with pytest.raises(MeasurementError, match=signal):
+        wbc.Observer(shared_robot().clone()).update(broken)
+
+
+def test_an_estimator_of_wrenches_that_is_reset_knows_no_commands() -> None:
+    estimator = WrenchEstimator(shared_robot(), DT)
+    control = PositionControl(controller())
+    measurement = replace(at_rest(shared_robot(), 0.0), joint_torque=None)
+    estimator.sent(control.command(measurement))
+    assert estimator.torque(measurement) is not None
+    estimator.reset()
+    assert estimator.torque(measurement) is None

@@ -485,3 +485,15 @@ def test_of_a_large_cloud_a_tick_looks_at_a_part_that_is_spread_over_all_of_it(s
     inside = (np.abs(seen[:, :2]) < 0.59).all(axis=1)
     quadrants = np.histogram2d(*seen[inside, :2].T, bins=4)[0]
     assert quadrants.min() > 0.5 * quadrants.max()
+
+
+def test_a_map_is_doubted_from_when_it_is_given_until_another_one_comes():
+    robot, ground = known()
+    flat, place = np.zeros((100, 100)), np.array([0.5 + 0.1j])
+    early = KnownGround(robot)  # no clock yet
+    early.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0), time=7.0, max_age=0.5))
+    assert not early.status
+    ground.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0), frame="odom"))
+    assert "odom" in ground.status and np.isnan(ground.at(place)[0]).all()
+    ground.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0)))
+    assert not ground.status and ground.at(place)[0] == 0.0

@@ -457,7 +457,8 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
     """Return settings, a frozen dataclass with nested ones, with some values replaced.
 
     Names are full or as far as they are unique. Settings that can be switched off take None, and True while they are
-    off. Values that change together are checked together, whatever their order; an integer may be 8.0.
+    off. Values that change together are checked together, whatever their order; an integer may be 8.0. A setting that
+    is changed under two names is an `InputError`.
     """
     return _changed(settings, changes)[0]
 
@@ -465,8 +466,7 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
     """Return changes with full names, in alphabetical order, and with the values that the changed settings have.
 
-    Equivalent changes are then equal, hash and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0, 5.0). A
-    setting that is changed under two names is an `InputError`.
+    Equivalent changes are then equal, hash and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0, 5.0).
     """
     new, pairs = _changed(settings, changes)
     values = (
@@ -486,6 +486,8 @@ def _changed(settings: T, changes: Mapping[str, Any] | Changes) -> tuple[T, list
     new: dict[str, Any] = {}
     for name, value in pairs:
         path = full_name(setting_names(settings), name)
+        if path in dict(named):
+            raise InputError(f"setting '{path}' is given twice")
         named.append((path, value))
         *parents, last = path.split(".")
         owner = reduce(getattr, parents, settings)

@@ -157,6 +157,7 @@ class KnownGround:
                     f"a map of the ground must be larger than a sole, {self._longest:g} m, got one of {size:g} m"
                 )
             self.elevation, self._raised = seen, 0.0
+            self._doubt("map", self._why_not(seen))
             self.version += 1
         else:
             raise InputError(f"a KnownGround takes a PointCloud or an ElevationMap, got {shown(seen)}")
@@ -337,7 +338,7 @@ class KnownGround:
         age = self._time - elevation.time
         if elevation.frame != WORLD:
             return f"the map of the ground is in {shown(elevation.frame)}, not in that of the estimate, '{WORLD}'"
-        if age > elevation.max_age or (age < -AHEAD and math.isfinite(elevation.max_age)):
+        if age > elevation.max_age or (-math.inf < age < -AHEAD and math.isfinite(elevation.max_age)):
             return f"the map of the ground is {_age(age)}"
         if elevation.unknown:
             return "the map of the ground has no heights"

@@ -315,7 +315,7 @@ class Observer:
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
             value = m.wrenches if name == "sole_wrench" else getattr(m, name)
-            if value.shape != shape or not np.isfinite(value).all():
+            if getattr(value, "shape", None) != shape or not np.isfinite(value).all():
                 raise MeasurementError(
                     f"measurement at {m.time} s: {name} must be finite, of shape {shape}, got {shown(value)}"
                 )

@@ -138,7 +138,7 @@ class WrenchEstimator:
         if gains is None and robot.servos is not None:
             gains = robot.servos.kp, robot.servos.kd
         self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), dt, delay)
-        self._dt, self._time = dt, math.nan  # of the last measurement with torques, s
+        self._dt = dt
         self.source: WrenchSource = "commanded torques"
         self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
@@ -162,6 +162,8 @@ class WrenchEstimator:
     def reset(self) -> None:
         """Forget the past: the robot stands still on all soles."""
         self._residual.reset()
+        self._sent.reset()
+        self._time = math.nan  # of the last measurement with torques, s
         self.contact = [True] * len(self._frames)
         self.wrench[:], self.outside[:] = 0.0, 0.0
         self.wrench[:, 2] = self._robot.mass * GRAVITY / len(self._frames)
