@@ -20,6 +20,7 @@ from wbc.base.errors import InputError, WbcError, check_parts, choose, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.control import Control, DriveControl
+from wbc.core.estimation.falls import FallReason
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
 from wbc.core.signals import Command, Measurement
@@ -340,12 +341,16 @@ class Program(Control):
         else:
             self._driven, self.controller = control, control.drives.controller
         self.machine, self.control = machine, control
-        self._fallen = fallen or (lambda: self.fallen is not None)
+        self._fallen = fallen or (lambda: self.fallen not in (None, FallReason.SOLVER))
+        self._scope: Scope | None = None  # of the machine, from its first tick on
+        self._begin()
+
+    def _begin(self) -> None:
         self.time = 0.0
         self.outcome: str | None = None
         self.fault: str | None = None
         self.history: list[tuple[float, str, str]] = []
-        self._scope: Scope | None = None  # of the machine, from its first tick on
+        self._scope = None
         self._failed, self._down, self._stopped = 0, False, False
 
     @property
@@ -391,7 +396,13 @@ class Program(Control):
             self._driven.see(seen)
 
     def reset(self, q: Array | None = None) -> None:
-        """Let the control begin from a configuration at rest, shape (nq,); half-sitting when None."""
+        """Begin anew, after the end of the present state; the control begins from a configuration at rest.
+
+        The configuration has shape (nq,); half-sitting when None.
+        """
+        if self._scope is not None:
+            self.machine.end(self._scope)
+        self._begin()
         if self._driven is not None:
             self._driven.reset(q)
 
@@ -449,13 +460,13 @@ class Program(Control):
         self.history.append((self.time, path, outcome))
 
     def _fault(self) -> str | None:
-        """Return a fault that begins in this tick."""
-        solution, before, ran = self.controller.solution, self._down, not self._stopped
+        """Return a fault that begins in this tick; another one that begins with it is told in the next tick."""
+        solution = self.controller.solution
         self._failed = 0 if solution is None or solution.ok else self._failed + 1
-        self._down = bool(self._fallen())
-        self._stopped = self.drives is not None and self.drives.stopped
         if self._failed == PATIENCE:
             return "infeasible"
-        if self._stopped and ran:
+        before, self._stopped = self._stopped, self.drives is not None and self.drives.stopped
+        if self._stopped and not before:
             return "stopped"
+        before, self._down = self._down, bool(self._fallen())
         return "fall" if self._down and not before else None

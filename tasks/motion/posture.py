@@ -43,9 +43,8 @@ class JointTask(Task):
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present values as targets where none were given."""
         if self._joints is None:
-            self._joints = list(robot.joint_names)
             self._resize(robot.na)
-        self._columns = joint_columns(robot, self._joints)
+        self._columns = joint_columns(robot, self._joints or robot.joint_names)
         super().bind(robot)
         if not self._settled:
             self._target = self.present(robot)
@@ -129,17 +128,18 @@ class PostureTask(JointTask, SelectionTask):
 
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present position of each joint without a target as its target."""
+        if self._usual and not self._settled and self._slides is not None:  # it was bound before, in vain
+            self._numbers.bound[:] = ERROR_BOUNDS["rad"]
         super().bind(robot)
         columns = self._columns
         whole = columns.size == robot.na and bool((columns == np.arange(robot.base_dof, robot.nv)).all())
         self.columns = slice(robot.base_dof, robot.nv) if whole else columns
         self._positions = slice(robot.base_nq, robot.nq) if whole else columns + (robot.nq - robot.nv)
-        if self._slides is None:
+        if not self._settled:
             self._slides = robot.slides[columns - robot.base_dof]
             if self._usual:
                 self._numbers.bound[self._slides] = ERROR_BOUNDS["m"]
                 self.revision += 1
-        if self._factor is None:
             factor = np.ones(self.dim)
             for joint, value in self._factors.items():
                 factor[self._row(joint)] = value

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Unpack
+from typing import Annotated, ClassVar, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
-from wbc.base.settings import NonNegative, Number
+from wbc.base.settings import Number
 from wbc.core.frames import frame_jacobian
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.options import GainOptions, joint_columns
@@ -31,10 +32,12 @@ class _Number(Task):
     __slots__ = ()
     reads = "kinematics"
     usual = {"stiffness": 30.0}
+    _least: ClassVar[float] = 0.0  # target
 
     def checked(self, value: ArrayLike) -> Array:
         """Return a target after a check, shape (1,): a number, or an array of one."""
-        return np.array([finite_scalar(f"target of task '{self.name}' ({self.unit})", np.squeeze(value))])
+        what = f"target of task '{self.name}' ({self.unit})"
+        return np.array([finite_scalar(what, np.squeeze(value), low=self._least)])
 
 
 class DistanceTask(_Number):
@@ -47,10 +50,10 @@ class DistanceTask(_Number):
         self,
         frame: str,
         other: str,
-        target: Annotated[NonNegative, "m"] | None = None,
+        target: Annotated[Number, "m"] | None = None,
         **options: Unpack[GainOptions],
     ) -> None:
-        """Describe the task; the target is the present distance when None."""
+        """Describe the task; the target, ≥ 0, is the present distance when None."""
         if frame == other:
             raise InputError(f"a distance needs two frames, got '{frame}' twice")
         self.frames = frame, other
@@ -100,6 +103,7 @@ class JointCouplingTask(_Number):
 
     __slots__ = ("_columns", "_values", "coefficients")
     unit = "rad"
+    _least = -math.inf
 
     @checked
     def __init__(
@@ -156,7 +160,7 @@ class ManipulabilityTask(_Number):
     def __init__(
         self,
         frame: str,
-        target: NonNegative | None = None,
+        target: Number | None = None,
         *,
         trunk: str | None = None,
         **options: Unpack[GainOptions],
@@ -165,7 +169,7 @@ class ManipulabilityTask(_Number):
 
         Args:
             frame: Frame at the end of the limb.
-            target: Manipulability, m³; the present one when None.
+            target: Manipulability, m³, ≥ 0; the present one when None.
             trunk: Frame at which the limb begins; the base when None.
             **options: See `GainOptions`.
         """
@@ -191,8 +195,9 @@ class ManipulabilityTask(_Number):
 
     @property
     def reached(self) -> bool:
-        """True while the manipulability is within a hundredth of its target."""
-        return bool(abs(self.present(self.robot) - self._target)[0] <= 0.01 * self._target[0])
+        """True while no move goes on and the manipulability is within a hundredth of its target."""
+        near = abs(self.present(self.robot) - self._target)[0] <= 0.01 * self._target[0]
+        return not self.moving and bool(near)
 
     def _gradient(self, jacobian: Array) -> tuple[float, Array]:
         """Return the manipulability w and its derivative w · tr(J⁺ ∂J/∂q), of rows of a frame, shape (6, n).

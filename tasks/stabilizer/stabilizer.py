@@ -156,6 +156,7 @@ class Stabilizer:
         if outside is not None:
             feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
             net = net - outside
+        net[2] = max(net[2], MIN_FORCE)  # the ground only pushes
         desired_zmp = level_zmp(net, target.zmp)
         ratio = float(contact[0])
         if all(contact):

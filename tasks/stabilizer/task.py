@@ -8,7 +8,6 @@ Walks have the same parts without this task: the `Stabilizer`, and the `Stabiliz
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Unpack
 
@@ -36,6 +35,9 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 
 STIFFNESS = 100.0
 """Default stiffness of the CoM, 1/s²."""
+
+VERTICAL = np.array([0.0, 0.0, 1.0])
+"""Axes along which the CoM has gains with torque drives."""
 
 
 class StabilizerTask(CoMTask):
@@ -79,12 +81,14 @@ class StabilizerTask(CoMTask):
                 robot of the control that runs the controller (`PositionControl` and others), or, without a control, the
                 robot of the controller.
             wrench_weight: Cost of deviations from the desired foot wrenches with torque drives, per N² and (Nm)².
-            **options: See `MotionOptions`.
+            **options: See `MotionOptions`; all axes are controlled.
         """
         if len(contacts) != 2 or contacts[0] is contacts[1]:
             raise InputError(
                 f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
             )
+        if "axes" in options:
+            raise InputError(f"a stabilizer balances the CoM along all axes, got axes={options['axes']!r}")
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
         self._rates = np.zeros(3), np.zeros(3)  # velocity and acceleration of the target
         super().__init__(target, **(defaults | options))
@@ -93,9 +97,8 @@ class StabilizerTask(CoMTask):
             contacts, torque=drives == "torque", weight=wrench_weight, by_load=self._settings.by_load
         )
         if self._feet.torque:  # horizontally the feedback gives the acceleration
-            height = float(self.stiffness[2])
-            self.stiffness = (0.0, 0.0, height)
-            self.damping = (0.0, 0.0, 2.0 * math.sqrt(height))
+            self.stiffness = VERTICAL * self.stiffness
+            self.damping = VERTICAL * self.damping
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
         self._away = [False, False]  # feet that have left their places

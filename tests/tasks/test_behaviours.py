@@ -307,3 +307,50 @@ def test_a_run_lasts_until_the_machine_ends_or_its_seconds_are_over() -> None:
 def test_what_cannot_run_is_refused_before_it_runs(make: Any, named: str) -> None:
     with pytest.raises((InputError, UnknownNameError), match=named):
         make()
+
+
+def test_a_program_that_is_reset_runs_again_as_it_ran_first() -> None:
+    """Reset after its end, and in the middle of a state, whose `end` is called and whose items go."""
+    ended: list[float] = []
+    task = CoMTask(name="of the state")
+    states = [
+        Behaviour("one", lambda now: now.add(task), end=lambda now: ended.append(now.time), done=after(0.03)),
+        *steps("two"),
+    ]
+    program = Program(StateMachine("m", states), standing("hrp4_class", dt=DT))
+    assert run(program) == "done"
+    time, history = program.time, list(program.history)
+    program.reset()
+    assert program.time == 0.0 and program.outcome is None and not program.ended and not program.history
+    for _ in range(3):
+        step(program)
+    assert program.path == "m/one" and task in program.controller.tasks
+    program.reset()
+    assert program.path == "m" and len(ended) == 2 and task not in program.controller.tasks
+    assert run(program) == "done" and program.time == time and program.history == history
+
+
+@pytest.mark.parametrize("late", [0, 1, 5], ids=["together", "after a tick", "later"])
+def test_a_fall_is_told_after_the_stop_of_the_drives_that_came_with_it(late: int) -> None:
+    """A state that goes on after a stop hears of the fall, and of no fall where the robot only stopped."""
+    control = PositionControl(standing("hrp4_class", dt=DT))
+    robot, down = control.controller.robot, list[bool]()
+    states = [Behaviour("walk"), Behaviour("wait", done=after(0.2)), Behaviour("lie", done=after(0.01))]
+    machine = StateMachine("m", states, {"walk": {"stopped": "wait"}, "wait": {"fall": "lie", "done": "end"}})
+    for falls in (True, False):
+        control.reset()
+        down.clear()
+        program = Program(machine, control, fallen=(lambda: bool(down)) if falls else None)
+        stopped = 0
+        for tick in range(200):
+            measurement = at_rest(robot, DT * tick)
+            if tick > 10:
+                measurement = replace(measurement, joint_position=np.full(robot.na, np.nan))
+            stopped += control.stopped
+            if falls and stopped > late:
+                down.append(True)
+            program.command(measurement)
+            if program.ended:
+                break
+        told = [outcome for _, _, outcome in program.history]
+        assert told == (["stopped", "fall", "done", "done"] if falls else ["stopped", "done", "done"])

@@ -195,3 +195,34 @@ def test_bad_input_is_refused_by_name(case: str) -> None:
     act, named = REFUSED[case]
     with pytest.raises((InputError, UnknownNameError), match=named):
         act(wbc.load_robot("panda").robot())
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: DistanceTask("panda_hand", "panda_link2"),
+        lambda: ManipulabilityTask("panda_hand"),
+    ],
+)
+def test_a_distance_and_a_manipulability_are_not_negative_wherever_they_are_given(
+    make: Callable[[], wbc.Task],
+) -> None:
+    ik = wbc.InverseKinematics(wbc.load_robot("panda").robot(), dt=0.01)
+    task = ik.add(make())
+    before = task.target.copy()
+    for give in (lambda: setattr(task, "target", -1.0), lambda: task.move_to(-1.0)):
+        with pytest.raises(InputError, match="of at least 0"):
+            give()
+    np.testing.assert_array_equal(task.target, before)
+
+
+def test_a_manipulability_is_not_reached_while_its_target_is_on_its_way() -> None:
+    ik = wbc.InverseKinematics(wbc.load_robot("panda").robot(), dt=0.01)
+    task = ik.add(ManipulabilityTask("panda_hand"))
+    assert task.reached
+    task.move_to(0.8 * task.target, duration=0.2)
+    steps = 0
+    while not task.reached and steps < 100:
+        ik.step()
+        steps += 1
+    assert 20 <= steps < 100

@@ -26,7 +26,7 @@ from wbc.tasks.stabilizer.feedback import (
     wrench_through,
 )
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.pendulum import Pendulum, cop, level_zmp, natural_frequency, zmp_offset
+from wbc.tasks.stabilizer.pendulum import MIN_FORCE, Pendulum, cop, level_zmp, natural_frequency, zmp_offset
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 
 MASS = 62.4  # JVRC-1
@@ -464,3 +464,13 @@ def test_a_wrench_turns_nothing_level_about_its_zmp_and_moves_that_of_the_feet()
         np.testing.assert_allclose((wrench[3:] - np.cross(there, wrench[:3]))[:2], 0.0, atol=1e-12)
         about = wrench[3:] - np.cross(point, wrench[:3])
         np.testing.assert_allclose(zmp_offset(wrench, point, 500.0), (about[1] / 500.0, -about[0] / 500.0))
+
+
+def test_a_robot_that_something_carries_or_that_falls_pushes_on_the_ground_with_the_least_force() -> None:
+    """Hands that bear more than the weight, and a CoM that falls faster than gravity, leave the ground no load."""
+    carried = np.array([0.0, 0.0, 1.01 * MASS * GRAVITY, 0.0, 0.0, 0.0])
+    falls = REST._replace(com_acceleration=np.array([0.0, 0.0, -9.9]))
+    for target, options in ((REST, {"outside": carried}), (falls, {"wrenches": feet(0.0, 0.0)})):
+        output = tick(stabilizer(), target, **options)
+        assert output.net_wrench[2] == pytest.approx(MIN_FORCE)
+        assert np.isfinite(output.feet.wrenches).all() and (output.feet.wrenches[:, 2] >= 0.0).all()

@@ -244,3 +244,19 @@ def test_it_needs_two_feet_and_a_controller() -> None:
         wbc.Controller(robot, 0.005).add(StabilizerTask(twice))
     with pytest.raises(InputError, match="controller"):
         _ = StabilizerTask((left, wbc.SoleContact("right_foot"))).stabilizer
+
+
+def test_the_com_has_the_given_damping_along_the_axes_that_have_a_stiffness() -> None:
+    soles = wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot")
+    for drives, axes in (("torque", (0.0, 0.0, 1.0)), ("position", (1.0, 1.0, 1.0))):
+        given = StabilizerTask(soles, drives=drives, stiffness=9.0, damping=5.0)  # type: ignore[arg-type]
+        usual = StabilizerTask(soles, drives=drives, stiffness=9.0)  # type: ignore[arg-type]
+        for task, damping in ((given, 5.0), (usual, 6.0)):
+            np.testing.assert_array_equal(task.stiffness, np.multiply(9.0, axes))
+            np.testing.assert_array_equal(task.damping, np.multiply(damping, axes))
+
+
+@pytest.mark.parametrize("axes", [("z",), ("x", "y"), "xyz"])
+def test_a_stabilizer_of_some_axes_is_refused(axes: Any) -> None:
+    with pytest.raises(InputError, match="all axes"):
+        StabilizerTask((wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot")), axes=axes)

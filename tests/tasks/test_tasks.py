@@ -556,3 +556,27 @@ def test_names_that_change_while_a_controller_runs_change_nothing_in_its_ticks()
     task.scale, controller.contacts[0].active = 0.5, False
     solution = controller.solve()
     assert solution.ok and task.error[2] == pytest.approx(0.01)
+
+
+def test_a_task_that_one_robot_could_not_get_is_another_robots() -> None:
+    """The gripper of the arm slides, and its joints are not those of the humanoid."""
+    posture = PostureTask()
+    arm = wbc.InverseKinematics(wbc.load_robot("panda").robot(), dt=0.01)
+    with pytest.raises(InputError):
+        arm.add(posture, PoseTask("none"))
+    controller = Controller(wbc.load_robot("hrp4_class").robot(), 0.005)
+    controller.add(posture)
+    alone = Controller(wbc.load_robot("hrp4_class").robot(), 0.005).add(PostureTask())
+    assert posture.joints == controller.robot.joint_names
+    np.testing.assert_array_equal(posture.error_bound, alone.error_bound)
+    np.testing.assert_array_equal(posture.target, alone.target)
+
+
+def test_a_removal_of_nothing_changes_nothing() -> None:
+    """The QP is then the same, with the guesses of its solver."""
+    controller = standing("hrp4_class")
+    controller.solve()
+    problem = controller.problem
+    controller.remove()
+    controller.solve()
+    assert controller.problem is problem

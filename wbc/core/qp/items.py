@@ -163,6 +163,8 @@ class Items:
         A contact that a task cannot do without, such as a `StabilizerTask`, can only be removed with the task, or after
         it: otherwise it is an `InputError`, and nothing is removed. A `WrenchTask` without its contact has no effect.
         """
+        if not items:
+            return
         for item in items:
             if _owner(item) is not self:
                 raise InputError(f"{item!r} is not part of this {self._noun}")
