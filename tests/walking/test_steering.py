@@ -179,6 +179,7 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
 ) -> None:
     """T + held · (2 − v/cruise), at most 1, of the difference to the slow time."""
     steering, own = steered(settings), in_si(PathConstants(), SIZE)
+    steering.command((0.2, 0.0, 0.0))
     longer = settings.slow_time - settings.step_time
     for held in (0.0, 0.4, 1.0):
         steering.held = held
@@ -187,8 +188,26 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
             assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
             steering.velocity, steering.turn = (0.0, 0.0), -share * own.slow_turn
             assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
-    steering.goes, steering.turn = False, 0.0
+    steering.command(None)
+    steering.turn = 0.0
     assert steering._slow == settings.step_time
+
+
+def test_steps_of_a_second_walk_begin_with_the_time_of_those_of_the_first(settings: SteppingSettings) -> None:
+    steering, place = steered(settings), (0.0, 0.0)
+    steering.held, times = 1.0, []
+    for _ in range(2):
+        assert steering.step_time == settings.step_time, "nothing asks for steps in a stand"
+        steering.command((0.2, 0.0, 0.0))
+        times.append(steering.step_time)
+        steering.rest(place)
+        for _ in range(50):
+            steering.update(place, (0.0, 0.0))
+        steering.command(None)
+        while any(steering.velocity):
+            steering.update(place, (0.0, 0.0))
+        steering.rest(place)
+    assert times == [settings.slow_time] * 2
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, math.pi, 2.2])
@@ -228,7 +247,7 @@ def test_a_robot_beside_its_path_comes_back_to_it_at_a_speed_that_grows_with_the
     for speed, aside in ((0.2, 0.01), (0.2, 5.0), (0.2, -5.0), (0.0, 0.01)):
         steering = steered(settings, yaw)
         steering.rest((1.0, -2.0))
-        steering.velocity, steering.goes = (speed, 0.0), True
+        steering.velocity = speed, 0.0
         x, y = turned((0.02, aside), yaw)
         back = steering._kept_to_path((1.0 + x, -2.0 + y), 0.0)
         along = 0.02 - speed * DT if speed == 0.0 else 0.0  # a robot that walks is never behind its path
@@ -295,7 +314,6 @@ def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
 ) -> None:
     """The integral of the velocity that lacks, over its time constant, of quick steps over (T_slow/T)⁴ of it."""
     own, steering = in_si(PathConstants(), SIZE), steered(settings, yaw)
-    steering.goes = False  # quick steps
     speed = turned((0.15, 0.3), yaw)
     for _ in range(100):
         steering._make_up((0.2, 9.0), speed, steering.fast_share)

@@ -351,7 +351,8 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait = gait_on(LEVEL)
     gait.felt.begin(GaitPhase.SINGLE, 1)
     ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
-    for planned, speed in ((ahead, 0.2 / gait.steering.step_time), (ahead[:1], 0.0)):
+    gait.steering.held = 1.0
+    for planned, speed in ((ahead, 0.2 / CONSTANTS.plan_time), (ahead[:1], 0.0)):
         gait.footsteps = planned
         steps = gait._steer()
         assert steps.velocity == pytest.approx((speed, 0.0)) and steps.go == (len(gait.footsteps) > 1)

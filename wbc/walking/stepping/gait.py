@@ -138,7 +138,6 @@ class SteppingWalk(ReferenceSource):
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
         self.stair = 0.0
-        self._along = False  # steps take the time of footsteps, from the shift of the weight before them on
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
@@ -168,7 +167,7 @@ class SteppingWalk(ReferenceSource):
     @property
     def step_time(self) -> float:
         """Time T of a step now, s."""
-        return self.steering.plan_time(self.stair) if self._along else self.steering.step_time
+        return self.steering.plan_time(self.stair) if self.footsteps else self.steering.step_time
 
     @property
     def granted(self) -> Velocity:
@@ -212,7 +211,6 @@ class SteppingWalk(ReferenceSource):
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
         felt, state = self.felt, self.felt.state
         if not self.footsteps:
-            self._along = False
             self._stay_on_ground()
             self.steering.turn_with(state.heading)
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
@@ -221,7 +219,6 @@ class SteppingWalk(ReferenceSource):
         ahead, _ = along(self.steering.direction, landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
         velocity = ahead / self.step_time if going else 0.0
-        self._along = True
         self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
         return StepVelocity((velocity, 0.0), going)
 
@@ -321,8 +318,7 @@ class SteppingWalk(ReferenceSource):
     def _shift(self) -> tuple[Event, ...]:
         """Begin to shift the weight over the foot that will stand."""
         stance = self.felt.stance
-        self._along = bool(self.footsteps)
-        if self._along:
+        if self.footsteps:
             stance = 1 - SIDES.index(self.footsteps[0].side)
         self.stand.shift(self.footsteps)
         self.felt.enter(GaitPhase.DOUBLE, stance)
@@ -336,7 +332,6 @@ class SteppingWalk(ReferenceSource):
         A robot that walks already has a foot that has been in the air for a time, s; another foot was kicked away.
         """
         out = SetOff(self.step_time, walks is not None, kicked)
-        self._along = False
         self.steering.rest(self._middle())
         # A foot may land in the second half of its step.
         elapsed = 0.0 if walks is None else min(walks, 0.5 * self.step_time)
@@ -361,8 +356,8 @@ class SteppingWalk(ReferenceSource):
         near = slow and state.apart() < c.stop_length
         if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
-            self._along = False
             self.reason = "" if self.footsteps else self.reason
+            self.footsteps = ()
             steering.rest(self._middle())
             return (Event.STOPPED,)
         self._lift(landed, frames)

@@ -57,7 +57,6 @@ class PathSteering(Steering):
         direction: Cosine and sine of the heading.
         velocity: Velocity of the steps now, forward and left, m/s.
         turn: Turn of the steps now, rad/s.
-        goes: False for a robot that is to stand.
         held: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
     """
 
@@ -73,7 +72,7 @@ class PathSteering(Steering):
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held, self.goes = held, True
+        self.held = held
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -107,7 +106,7 @@ class PathSteering(Steering):
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
-        slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
+        slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.pending else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
 
     def rest(self, place: Point) -> None:
@@ -121,7 +120,6 @@ class PathSteering(Steering):
 
     def along(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
-        self.goes = True
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt
         self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))
@@ -179,8 +177,7 @@ class PathSteering(Steering):
         held = self._kept_to_path(place, turn)
         fast_share = self.fast_share
         self._make_up(held, speed, fast_share)
-        self.goes = go = self.pending
-        return StepVelocity((held[0] + self._missing, held[1]), go, fast_share * self._missing)
+        return StepVelocity((held[0] + self._missing, held[1]), self.pending, fast_share * self._missing)
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""
