@@ -25,13 +25,13 @@ DT = 0.002
 ROBOT = make_robot("g1")
 WEIGHT = ROBOT.mass * GRAVITY
 MOST = 1.4 * WEIGHT
+SCALE = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2]))  # as high as it stands
 
 
 def standing() -> tuple[Controller, WalkTasks, Reference]:
     """Controller and tasks of a robot that stands, and the reference of its stand."""
     robot = make_robot("g1")
-    scale = RobotSize.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
-    gait = SteppingWalk(SteppingSettings(), scale, 0.0, DT)
+    gait = SteppingWalk(SteppingSettings(), SCALE, 0.0, DT)
     controller = Controller(robot, DT)
     tasks = WalkTasks(controller, free_table(robot, gait))
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
@@ -154,6 +154,29 @@ def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() 
     assert total == pytest.approx(WEIGHT, rel=0.02)
     assert np.linalg.norm(middle[:2] - ROBOT.com[:2]) < 0.03
     assert np.abs(solution.accelerations).max() < 1.0
+
+
+def test_a_robot_that_comes_to_a_stand_is_told_the_same_wherever_its_reference_begins() -> None:
+    """It is c̈ = ω² (c − z) with z = m + (1 + k)(ξ − m), by which ξ goes to the middle m of the feet at the rate k ω."""
+    controller, tasks, reference = standing()
+    robot, rest, law = controller.robot, reference.pendulum, in_si(SteppingConstants(), SCALE)
+    v = np.zeros(robot.nv)
+    v[:2] = 0.02, -0.2
+    robot.update(robot.q, v)
+    omega, middle = rest.omega, np.array(rest.com)
+
+    def falling(com: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        return omega**2 * (com - middle - (1.0 + law.stand_gain) * (com + speed / omega - middle))
+
+    now, found = (np.array(robot.com), np.array(robot.com_velocity)), []
+    for com, speed in ((middle, np.zeros(3)), now, (middle + [0.01, -0.02, 0.0], np.array([0.1, 0.05, 0.0]))):
+        level = np.append(com[:2], middle[2]), np.append(speed[:2], 0.0)
+        begun = rest._replace(com=level[0], com_velocity=level[1], com_acceleration=falling(*level))
+        tasks.follow(reference._replace(pendulum=begun))
+        found.append(np.array(controller.solve().accelerations))
+        told = robot.com_jacobian @ found[-1]
+        np.testing.assert_allclose(told[:2], falling(*now)[:2], atol=0.05)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-6)
 
 
 def moving(height: float, speed: float) -> tuple[Controller, WalkTasks, Reference]:

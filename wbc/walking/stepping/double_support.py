@@ -68,7 +68,11 @@ class DoubleSupport:
     # ---- the centre of mass -------------------------------------------------------------------------------------
 
     def standing(self) -> PhaseReference:
-        """Return the references of a stand: the CoM rests over the middle of the feet."""
+        """Return the references of a stand: the CoM rests over the middle of the feet from its first tick on.
+
+        With the gains of a stand, a reference that goes there from the CoM of the robot would ask for the same
+        acceleration: it is that of a feedback of ξ alone, whose place of rest is this middle.
+        """
         (left, right), most = self._carrying_points(), self._c.most_force
         x, y, level = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
         return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), level, (most, most))
