@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import enum
 import functools
 import inspect
 import itertools
@@ -68,6 +69,12 @@ EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 
 MANY = 6
 """Number of options that a command has in common with an earlier one from which on they are told there."""
+
+MANY_ARGUMENTS = 12
+"""Number of arguments of a call from which on the others are left out."""
+
+LONG_DEFAULT = 24
+"""Length of a default, characters, from which on it is left out."""
 
 LONG_MEANING = 200
 """Length of a meaning, characters, from which on a later command links to the first one that has it."""
@@ -191,11 +198,11 @@ def field_rows(kind: type) -> Iterator[str]:
 
 
 def name_rows(package: str, some: str | None, page: str) -> Iterator[str]:
-    """Public classes and functions of a package, or some of them, with the first line of their docstrings.
+    """Public classes and functions of a package, or some of them: arguments, and first line of the docstring.
 
     A page whose tables have some of them has all of them.
     """
-    yield from ("| Name | What it is |", "|---|---|")
+    yield from ("| Name | Arguments | What it is |", "|---|---|---|")
     module = import_module(package)
     every = [name for name in module.__all__ if callable(getattr(module, name))]
     if some is not None:
@@ -203,8 +210,38 @@ def name_rows(package: str, some: str | None, page: str) -> Iterator[str]:
         left = {*every}.symmetric_difference(itertools.chain(*told))
         assert not left, f"{package}: {', '.join(sorted(left))} in no table, or unknown"
     for name in every if some is None else some.split(", "):
-        about = (inspect.getdoc(getattr(module, name)) or "").partition("\n")[0]
-        yield f"| `{package}.{name}` | {escaped(about)} |"
+        thing = getattr(module, name)
+        about = (inspect.getdoc(thing) or "").partition("\n")[0]
+        yield f"| `{package}.{name}` | {escaped(arguments_of(thing))} | {escaped(about)} |"
+
+
+def arguments_of(thing: Any) -> str:
+    """Return the arguments of a call with their defaults; empty for what no program calls by its name."""
+    if inspect.isclass(thing) and (
+        issubclass(thing, BaseException | enum.Enum | dict) or getattr(thing, "_is_protocol", False)
+    ):
+        return ""
+    signature = inspect.signature(thing)
+    texts: list[str] = []
+    for each in signature.parameters.values():
+        if each.kind is each.KEYWORD_ONLY and not any(text.startswith("*") for text in texts):
+            texts.append("*")
+        stars = "*" if each.kind is each.VAR_POSITIONAL else "**" if each.kind is each.VAR_KEYWORD else ""
+        default = "" if each.default is each.empty else f"={_default(each.default)}"
+        texts.append(f"{stars}{each.name}{default}")
+    if len(texts) > MANY_ARGUMENTS:
+        texts[MANY_ARGUMENTS:] = ["…"]
+    return f"`({', '.join(texts)})`"
+
+
+def _default(value: Any) -> str:
+    """Return a default as a program writes it, in short: a value, or `…` for one that is made or is long."""
+    if isinstance(value, str) and not isinstance(value, enum.Enum):
+        return f'"{value}"'
+    if inspect.isclass(value) or inspect.isfunction(value):
+        return value.__name__
+    text = repr(value)
+    return "…" if text.startswith("<") or len(text) > LONG_DEFAULT else text
 
 
 def term_rows() -> Iterator[str]:

@@ -44,7 +44,7 @@ BASES = ("floating", "fixed")
 @checked
 @dataclass(frozen=True, eq=False)
 class RobotDescription:
-    """A robot as data.
+    """Description of a robot: links, joints, soles, sensors and drives as data; `robot()` makes its model.
 
     `from_urdf` and `from_mjcf` read a file and derive everything that is not given; `wbc.robots.load` returns the
     built-in robots.

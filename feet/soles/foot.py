@@ -53,7 +53,7 @@ class FootParts:
 
 @settings
 class Foot(ABC):
-    """A foot design.
+    """Design of a foot: sole, joints and masses that take the place of the foot of a robot.
 
     `fit` returns the data that a controller needs, without a simulator. `build` adds the foot to a MuJoCo model. A foot
     of your own is a class with `@settings` that derives from this class and implements both methods.

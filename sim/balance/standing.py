@@ -166,7 +166,7 @@ class Sway(TrialHook):
 
 @checked
 def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
-    """Simulate a standing robot.
+    """Simulate a standing robot, which may be pushed, and return its result.
 
         result = stand(robot="talos", mode="torque", noise="realistic")
 

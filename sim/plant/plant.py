@@ -52,7 +52,7 @@ INITIAL_PRESS = 1e-6
 
 
 class Plant(MujocoRobot):
-    """A simulated robot.
+    """Robot in MuJoCo: `measure` reads its sensors, `step` advances it by a command, `push` pushes it.
 
     In position control the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ. This is computed in every physics step
     and integrated implicitly. In hybrid control kp and kd are those of the command. In torque control only τ is

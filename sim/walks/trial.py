@@ -59,7 +59,7 @@ def walk(
     hooks: Sequence[TrialHook] = (),
     **values: Any,
 ) -> WalkResult:
-    """Simulate a walk.
+    """Simulate a walk, given by a spec, or by the values that differ from the default one; return its result.
 
         walk(robot="talos", distance=1.5)
         walk(foot="soft", terrain="stones", amplitude=0.02, velocity=(0.1, 0.0, 0.0), steps=20)

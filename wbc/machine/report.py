@@ -32,7 +32,7 @@ class Phase(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class RunReport:
-    """Report of a run.
+    """Report of a run on a machine: reason of its end, late ticks, and times.
 
     Attributes:
         reason: Reason of the end.

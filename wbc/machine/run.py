@@ -285,7 +285,7 @@ def run(
     settings: RunSettings | None = None,
     guard: bool = True,
 ) -> RunReport:
-    """Drive a machine with a controller.
+    """Drive a machine with a controller, from its present posture to damped joints; return a report.
 
     First the joints move from their present positions to half-sitting, while gains and torques are faded in. When the
     soles carry the robot, the controller takes over. The run ends with damped joints if a measurement is late or the

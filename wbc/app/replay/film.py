@@ -85,7 +85,7 @@ def render_video(
     size: tuple[int, int] = (960, 720),
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> int:
-    """Film a replay.
+    """Film a replay of a log as an MP4 file.
 
     Args:
         replay: The replay.

@@ -77,7 +77,7 @@ class VelocitySolution:
 
 
 class InverseKinematics(Items):
-    """Differential inverse kinematics of one robot.
+    """Differential inverse kinematics of one robot: `add` tasks and limits, then `step`.
 
         ik = wbc.InverseKinematics(robot, dt=0.01)
         hand = ik.add(wbc.PoseTask("panda_hand"))

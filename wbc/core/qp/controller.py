@@ -29,7 +29,7 @@ from wbc.core.signals import Measurement
 
 
 class Controller(Items):
-    """Whole-body controller of one robot.
+    """Whole-body controller of one robot: `add` tasks, contacts and limits; `solve` the QP of each tick.
 
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
