@@ -16,8 +16,8 @@ from pydantic import Field
 
 from wbc._version import __version__
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
-from wbc.base.files import decoding, parsing, read_text, write_text
+from wbc.base.errors import InputError, choose, shown
+from wbc.base.files import naming, parsing, read_text, write_text
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Count, NonNegative, Positive, from_json, settings, to_json
 from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings
@@ -189,6 +189,22 @@ class StiffnessModel:
     reach: NonNegative
     made: Mapping[str, Any]
 
+    def __post_init__(self) -> None:
+        names, rows = self.settings.features, len(self.stiffness)
+        for name, shape in {
+            "features": (rows, len(names)),
+            "stiffness": (rows,),
+            "mean": (len(names),),
+            "scale": (len(names),),
+        }.items():
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), shape))
+        if rows < self.settings.neighbours or (self.scale <= 0.0).any():
+            raise InputError(
+                f"a model needs {self.settings.neighbours} rows or more, as many as neighbours, and scales above 0, "
+                f"got {rows} rows and {self.scale}"
+            )
+        self.settings.clusters.of(self.stiffness)
+
     @classmethod
     @checked
     def fit(
@@ -220,11 +236,15 @@ class StiffnessModel:
                 f"a model of {given.neighbours} neighbours needs as many rows or more, roughness of shape (n, 10) and "
                 f"stiffness of shape (n,), got {np.shape(values)} and {best.shape}"
             )
-        given.clusters.of(best)
         mean, scale = features.mean(axis=0), features.std(axis=0)
         scale[scale <= 1e-12 * np.abs(mean)] = 1.0
         samples = features / scale  # distances do not depend on the mean
         which = np.arange(len(best)) if groups is None else np.asarray(groups)
+        if which.shape != best.shape or len(np.unique(which)) < 2:
+            raise InputError(
+                f"groups must name two grounds or more, one a profile, shape {best.shape}, got {shown(groups)} of "
+                f"shape {which.shape}"
+            )
         nearest = [
             np.sqrt(((samples[which != own] - row) ** 2).sum(axis=1).min())
             for row, own in zip(samples, which, strict=True)
@@ -260,7 +280,8 @@ class StiffnessModel:
             cluster = int(np.argmax(np.bincount(self.labels[nearest], weight, len(clusters.edges))))
             stiffness = float(clusters.centres[cluster - 1])
         else:
-            stiffness = float(weight @ self.stiffness[nearest] / weight.sum())
+            best = self.stiffness[nearest]
+            stiffness = float(np.clip(weight @ best / weight.sum(), best.min(), best.max()))  # it is rounded
             cluster = int(clusters.of(stiffness))
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
 
@@ -293,20 +314,12 @@ class StiffnessModel:
             given = json.loads(read_text(target, FORMAT))
         if not isinstance(given, dict) or given.get("format") != FORMAT or given.get("version") != VERSION:
             raise InputError(f"{target} is not a {FORMAT} of version {VERSION}")
-        with decoding(target, FORMAT):
+        with naming(target, FORMAT):
             chosen = from_json(ModelSettings, given["settings"])
-            count = len(chosen.features)
-            rows = finite_array(f"{target}: rows", given["rows"], (len(given["rows"]), count + 1))
-            mean, scale = (
-                finite_array(f"{target}: {name}", given[name], (count,)) for name in ("mean", "scale")
-            )
+            shape = len(given["rows"]), len(chosen.features) + 1
+            rows = finite_array("rows", given["rows"], shape)
+            mean, scale = (np.array(given[name], dtype=np.float64) for name in ("mean", "scale"))
             reach, recipe = float(given["reach"]), from_json(ProfileRecipe, given["recipe"])
-            if len(rows) < chosen.neighbours or (scale <= 0.0).any() or not reach >= 0.0:
-                raise InputError(
-                    f"{target}: {chosen.neighbours} rows or more, a scale and a reach above 0 are needed, got "
-                    f"{len(rows)}, {scale} and {reach}"
-                )
-            chosen.clusters.of(rows[:, -1])
             return cls(chosen, recipe, rows[:, :-1], rows[:, -1], mean, scale, reach, dict(given["made"]))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,12 @@ def test_a_prediction_is_the_vote_or_the_mean_by_inverse_distance(kind: str, see
     assert found.familiar == (distances.min() <= fitted.reach)
 
 
+def test_a_mean_of_neighbours_lies_between_them() -> None:
+    """At the last boundary of the clusters a mean of equal numbers must not be rounded out of all of them."""
+    model = StiffnessModel.fit(VALUES, np.full(len(VALUES), 80.0), settings=ModelSettings(kind="regression"))
+    assert {model.predict(each).stiffness for each in queries(300)} == {80.0}
+
+
 def test_a_model_needs_as_many_rows_as_neighbours_and_one_stiffness_a_row() -> None:
     values, best = VALUES[:10], BEST[:10]
     StiffnessModel.fit(values, best)
@@ -168,6 +175,13 @@ def test_a_model_needs_as_many_rows_as_neighbours_and_one_stiffness_a_row() -> N
     ):
         with pytest.raises(InputError):
             StiffnessModel.fit(rows, given_best)
+    for groups in (np.zeros(10), np.arange(9)):
+        with pytest.raises(InputError, match="two grounds or more, one a profile"):
+            StiffnessModel.fit(values, best, groups)
+    model = StiffnessModel.fit(values, best)
+    for wrong in ({"scale": 0.0 * model.scale}, {"mean": model.mean[1:]}, {"stiffness": best + 80.0}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            replace(model, **wrong)
     with pytest.raises(InputError):
         StiffnessModel.fit(values, best).predict(values)
     with pytest.raises(InputError):

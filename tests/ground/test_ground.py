@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -323,6 +324,16 @@ def test_what_cannot_be_right_is_not_used_and_is_named(seen, word):
     assert ground.support(1, 0.1, 0.0, 0.0) is None
     assert ground.best(1, 0.1, 0.0, 0.0, lambda x, y: True) is None
     assert ground.highest(1, np.zeros(2), np.ones(2), 0.0) == -math.inf
+
+
+def test_a_map_of_ones_own_is_used_or_not_from_when_it_is_given():
+    robot, ground = known()
+    good = ElevationMap(np.zeros((60, 60)), 0.02, (-0.6, -0.6, 0.0), max_age=1.0)
+    for fresh in (ground, KnownGround(robot)):
+        for seen, height in ((replace(good, frame="odom"), np.nan), (good, 0.0)):
+            fresh.add(seen)
+            np.testing.assert_equal(fresh.at(np.array([0j]))[0], [height])
+            assert ("odom" in fresh.status) == (seen is not good)
 
 
 def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():

@@ -26,6 +26,7 @@ from wbc.motion import (
     check_motion,
     make_feasible,
     read_motion,
+    read_skeleton,
     retarget,
     write_motion,
 )
@@ -105,6 +106,22 @@ def test_all_formats_become_the_same_clip(arms: MotionClip, tmp_path: Path, name
     if "rate" not in given:
         with pytest.raises(InputError, match="the file says another rate.*, not 50"):
             read_motion(path, rate=50.0, joints=arms.joint_names)
+
+
+@pytest.mark.parametrize("ending", ["npz", "csv", "bvh"])
+def test_a_file_keeps_what_is_known_and_one_that_is_missing_is_named_once(
+    arms: MotionClip, tmp_path: Path, ending: str
+) -> None:
+    path = tmp_path / f"clip.{ending}"
+    with pytest.raises(InputError) as missing:
+        read_skeleton(path) if ending == "bvh" else read_motion(path)
+    assert str(missing.value).count(str(path)) == 1
+    if ending != "bvh":
+        standing = np.arange(2 * len(arms)).reshape(-1, 2) % 3 > 0
+        write_motion(replace(arms, standing=standing), path)
+        again = read_motion(path)
+        assert again.standing is not None and (again.standing == standing).all()
+        assert again.joint_names == arms.joint_names
 
 
 @pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "opaque", "of C", "unused"])

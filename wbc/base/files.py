@@ -77,6 +77,18 @@ def parsing(path: str | Path, kind: str) -> Iterator[None]:
         raise InputError(f"{where} is not {kind}: {said}") from error
 
 
+@contextlib.contextmanager
+def naming(path: str | Path, kind: str) -> Iterator[None]:
+    """Begin each `InputError` of the block with the path, and turn what else it raises into one; see `parsing`."""
+    with parsing(path, kind):
+        try:
+            yield
+        except InputError as error:
+            if str(error).startswith(_line(path)):
+                raise
+            raise InputError(f"{_line(path)}: {error}") from error
+
+
 def _line(path: str | Path) -> str:
     return str(path) if str(path).isprintable() else shown_path(path)
 

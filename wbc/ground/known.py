@@ -335,7 +335,7 @@ class KnownGround:
 
     def _why_not(self, elevation: ElevationMap) -> str:
         """Return the reason for which the user's map is not used; empty for one that is."""
-        age = self._time - elevation.time
+        age = self._time - elevation.time if math.isfinite(self._time) else 0.0  # before the first pose
         if elevation.frame != WORLD:
             return f"the map of the ground is in {shown(elevation.frame)}, not in that of the estimate, '{WORLD}'"
         if age > elevation.max_age or (-math.inf < age < -AHEAD and math.isfinite(elevation.max_age)):

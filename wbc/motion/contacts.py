@@ -56,21 +56,24 @@ def always_standing(standing: Array, rate: float, double_support: float = 0.0) -
     standing = standing.copy()
     for first, last in runs(~standing.any(axis=1)):
         begin, end = first / rate, last / rate
-        if end - begin > FLIGHT + ROUNDING:
+        if end - begin > FLIGHT + ROUNDING or not standing.any():
             raise InputError(
                 f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
                 f"{end:.2f} s, {end - begin:.2f} s, at most {FLIGHT:g} s are let pass"
             )
-        standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
-    overlap = round(double_support * rate)
-    for side in (0, 1):
-        for _, last in runs(standing[:, side]):
-            before = max(0, last - overlap)
-            landed = np.flatnonzero(standing[before:last, 1 - side])
-            if last < len(standing) and not standing[before:last, 1 - side].all():
-                landing = before + int(landed[0]) if landed.size else last
-                standing[last : landing + overlap, side] = True
+        standing[first:last] = standing[first - 1 if first else last]
+    for own, other in ((0, 1), (1, 0)):
+        _overlap(standing[:, own], standing[:, other], round(double_support * rate))
     return standing
+
+
+def _overlap(own: Array, other: Array, frames: int) -> None:
+    """Let a foot stand on until the other one, which takes over, has stood for some frames; both have shape (T,)."""
+    for _, last in runs(own):
+        recent = other[max(0, last - frames) : last]
+        if last < len(own) and not recent.all():
+            landing = last - recent.size + int(np.argmax(recent)) if recent.any() else last
+            own[last : landing + frames] = True
 
 
 def touching(corners: Array, rate: float) -> tuple[float, Array]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.files import decoding, parsing, read_text, replacing
+from wbc.base.files import decoding, naming, read_text, replacing
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.motion.bvh import read_bvh
@@ -52,6 +52,9 @@ USED = frozenset(
 )
 """Arrays that are read; others, which may be pickles, stay closed."""
 
+STANDING = ("left_stands", "right_stands")
+"""Columns with 1 where a sole stands, and 0 elsewhere, of a clip that knows it."""
+
 HEADER = f"{', '.join(BASE_COLUMNS)} and the names of the joints"
 """Columns that a header names."""
 
@@ -76,10 +79,11 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
             with new.open("wb") as packed:
                 np.savez_compressed(packed, joint_names=np.array(clip.joint_names), **columns)
             return
-        table = np.column_stack([clip.times, clip.base, clip.joints])
+        known = np.zeros((len(clip), 0)) if clip.standing is None else clip.standing
+        table = np.column_stack([clip.times, clip.base, clip.joints, known])
         with new.open("w", newline="", encoding="utf-8") as text:
             rows = csv.writer(text, lineterminator="\n")
-            rows.writerow(["time", *BASE_COLUMNS, *clip.joint_names])
+            rows.writerow(["time", *BASE_COLUMNS, *clip.joint_names, *STANDING[: known.shape[1]]])
             rows.writerows([f"{value:.9g}" for value in row] for row in table.tolist())
 
 
@@ -98,25 +102,22 @@ def read_motion(
         joints: Joint names of the columns, for a file that does not contain them.
     """
     path = _known(Path(path))
-    with parsing(path, "motion"):
-        try:
-            data = _arrays(path) if path.suffix.lower() == ".npz" else _columns(path)
-            base, positions = _placed(data)
-            names = data.get("joint_names")
-            return MotionClip(
-                _agreed(
-                    "joint names (joints)",
-                    None if names is None else _texts(names),
-                    None if joints is None else tuple(joints),
-                ),
-                _agreed("rate (rate, Hz)", _rate(data), rate),
-                base,
-                positions,
-                path.stem,
-                data.get("standing"),
-            )
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+    with naming(path, "motion"):
+        data = _arrays(path) if path.suffix.lower() == ".npz" else _columns(path)
+        base, positions = _placed(data)
+        names = data.get("joint_names")
+        return MotionClip(
+            _agreed(
+                "joint names (joints)",
+                None if names is None else _texts(names),
+                None if joints is None else tuple(joints),
+            ),
+            _agreed("rate (rate, Hz)", _rate(data), rate),
+            base,
+            positions,
+            path.stem,
+            data.get("standing"),
+        )
 
 
 @checked
@@ -135,24 +136,17 @@ def read_skeleton(
     kind = path.suffix.lower()
     if kind not in (".bvh", ".npz"):
         raise InputError(f"the name of a clip of a person must end in .bvh or .npz, got '{path}'")
-    with parsing(path, "clip of a person"):
-        try:
-            own_rate: float | None
-            if kind == ".bvh":
-                names, positions, own_rate = read_bvh(path)
-            else:
-                data = _arrays(path)
-                texts, positions = _need(data, "a clip of a person", "joint_names", "positions")
-                names, own_rate = _texts(texts), _rate(data)
-            turn = 2 - "xyz".index(up or ("y" if kind == ".bvh" else "z"))
-            return SkeletonClip(
-                names,
-                _agreed("rate (rate, Hz)", own_rate, rate),
-                np.roll(positions, turn, axis=-1),
-                path.stem,
-            )
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+    with naming(path, "clip of a person"):
+        own_rate: float | None
+        if kind == ".bvh":
+            names, positions, own_rate = read_bvh(path)
+        else:
+            data = _arrays(path)
+            texts, positions = _need(data, "a clip of a person", "joint_names", "positions")
+            names, own_rate = _texts(texts), _rate(data)
+        turn = 2 - "xyz".index(up or ("y" if kind == ".bvh" else "z"))
+        rate = _agreed("rate (rate, Hz)", own_rate, rate)
+        return SkeletonClip(names, rate, np.roll(positions, turn, axis=-1), path.stem)
 
 
 def shows_person(path: Path) -> bool:
@@ -235,7 +229,8 @@ def _columns(path: Path) -> dict[str, AnyArray | None]:
             f"it has no column '{missing}': columns are separated by commas, numbers have a decimal point, and the "
             f"first line names {HEADER}; got {shown(lines[0])}"
         )
-    twice = next((name for name in (*BASE_COLUMNS, "time") if header.count(name) > 1), None)
+    own = (*BASE_COLUMNS, *STANDING, "time")
+    twice = next((name for name in own if header.count(name) > 1), None)
     if named and twice is not None:
         raise InputError(f"a column must occur once, got '{twice}' {header.count(twice)} times")
     values = _cells(lines, named)
@@ -243,9 +238,11 @@ def _columns(path: Path) -> dict[str, AnyArray | None]:
         raise InputError(f"its header names {len(header)} columns, its rows have {values.shape[1]}")
     if not named:
         return {"base": values[:, :7], "joints": values[:, 7:]}
-    rest = [i for i, column in enumerate(header) if column not in (*BASE_COLUMNS, "time")]
+    rest = [i for i, column in enumerate(header) if column not in own]
     base = values[:, [header.index(column) for column in BASE_COLUMNS]]
     data: dict[str, AnyArray | None] = {"base": base, "joints": values[:, rest]}
+    if {*STANDING} <= {*header}:
+        data["standing"] = values[:, [header.index(column) for column in STANDING]]
     if "time" in header and len(values) > 1:
         data["rate"] = np.array(_rate_of(values[:, header.index("time")]))
     return data | {"joint_names": np.array([header[i] for i in rest])}
