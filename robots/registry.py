@@ -105,8 +105,7 @@ def load(name: str | Path) -> RobotDescription:
             )
         return description
     if name not in _FACTORIES and files.is_path(name):
-        path = Path(name).expanduser()
-        return _read(str(path), files.stamps(path))
+        return _read(Path(name).expanduser())
     return _load(name, _FACTORIES[name])
 
 
@@ -126,7 +125,16 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
     return description
 
 
-@cache
-def _read(path: str, _: tuple[tuple[int, int], ...]) -> RobotDescription:
-    """Read a robot file, anew when it, or the one that it names as a TOML, has changed."""
-    return files.read(path)
+def _read(path: Path) -> RobotDescription:
+    """Read a robot file, anew when it, or a file that it names, has changed."""
+    parts, stamps, description = _READ.get(path, ((), (), None))
+    if description is None or files.stamps(parts) != stamps:
+        parts = files.parts(path)
+        stamps = files.stamps(parts)
+        description = files.read(path)
+        _READ[path] = parts, stamps, description
+    return description
+
+
+_READ: dict[Path, tuple[tuple[Path, ...], tuple[tuple[int, int], ...], RobotDescription]] = {}
+"""Robot file → it and the files that it names, their stamps, and its description."""

@@ -236,14 +236,14 @@ def read(source: str | Path) -> Urdf:
                 f"{where}: the <joint> from link '{parent}' to '{child}' has no name: give it one, as in "
                 f'<joint name="{child}_joint">'
             )
-    for kind, elements in (("joint", found), ("link", links)):
-        names = [str(each.get("name")) for each in elements]
-        if len(set(names)) != len(names):
-            raise ModelError(f"two {kind}s are called '{next(n for n in names if names.count(n) > 1)}'")
+    names = {kind: [str(each.get("name")) for each in root.findall(kind)] for kind in ("joint", "link")}
+    for kind, called in names.items():
+        if len(set(called)) != len(called):
+            raise ModelError(f"two {kind}s are called '{next(n for n in called if called.count(n) > 1)}'")
     made = [_joint(joint, root) for joint in found]
     for each in made:
         for end in (each.parent, each.child):
-            if end not in names:
+            if end not in names["link"]:
                 raise ModelError(f"joint '{each.name}' refers to link '{end}', which does not exist")
     return Urdf(
         name=str(root.get("name")) if (root.get("name") or "").strip() else "robot",
@@ -384,10 +384,14 @@ def _shape(link: Element, element: Element, named: Mapping[str, Colour]) -> Geom
 
 
 def _colour(material: Element) -> Colour | None:
+    """Return the colour of a material; None where it is no four numbers: no robot is refused for what it looks like."""
     element = material.find("color")
-    text = "" if element is None else element.get("rgba", "")
-    values = np.clip([float(part) for part in text.split()], 0.0, 1.0).tolist()
-    return (values[0], values[1], values[2], values[3]) if len(values) == 4 else None
+    try:
+        values = _triple("rgba", "" if element is None else element.get("rgba", ""), (4,))
+    except ModelError:
+        return None
+    red, green, blue, opacity = np.clip(values, 0.0, 1.0).tolist()
+    return red, green, blue, opacity
 
 
 def _place(element: Element, what: str) -> pin.SE3:

@@ -28,12 +28,6 @@ from wbc.robots.mechanism import (
 from wbc.robots.readers.chains_mjcf import Chain
 from wbc.robots.readers.tree_mjcf import Tree
 
-SPEED = 20.0
-"""Velocity limit of every hinge, rad/s, since an MJCF gives none."""
-
-SLIDE_SPEED = 1.0
-"""Velocity limit of every slide joint, m/s."""
-
 
 def mechanism(
     tree: Tree,
@@ -72,7 +66,7 @@ def mechanism(
             if reference := tree.reference(joint):
                 inside = inside * _motion(tree, joint, axis, -reference)
             low, high = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
-            limits = torque.get(name, 0.0), SLIDE_SPEED if slides else SPEED, low, high
+            limits = torque.get(name, 0.0), tree.speed(joint), low, high
             parent = add_joint(model, parent, place * inside, name, slides, axis, limits)
             frame, place = model.addJointFrame(parent, frame), along(-anchor)
         if moving and moving[-1][1].any():  # a link has the frame of its joint: the body is fixed to one

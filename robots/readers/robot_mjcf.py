@@ -67,10 +67,12 @@ def fields(
         if not math.isclose(-low, high) and joint not in given_limits
     }
     shapes = shapes_mjcf.shapes(tree, moved)
-    tree.notes.append(
-        f"velocity limits: an MJCF has none; {mechanism_mjcf.SPEED:g} rad/s "
-        f"(slides {mechanism_mjcf.SLIDE_SPEED:g} m/s)"
-    )
+    if without := [name for name, joint in tree.joints.items() if tree.given_speed(joint) is None]:
+        whose = "" if len(without) == len(tree.joints) else f" of {listed(without)}"
+        tree.notes.append(
+            f"velocity limits{whose}: an MJCF has none; {tree_mjcf.SPEED:g} rad/s "
+            f"(slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
+        )
     if use_gains:
         options["gains"] = {**drives.gains, **(options.get("gains") or {})}
     armature = options.get("armature")

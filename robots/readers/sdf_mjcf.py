@@ -20,6 +20,7 @@ import pinocchio as pin
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import placed
+from wbc.robots.readers.tree_mjcf import VELOCITY_LIMIT
 
 STIFF = {"solref": (0.002, 1.0), "solimp": (0.9999, 0.9999, 0.001)}
 """Options of equalities that hardly give."""
@@ -115,7 +116,7 @@ class _Reader:
         return default if text is None else float(self._numbers(text, 1, what)[0])
 
     def _limit(self, joint: ET.Element, end: str) -> float:
-        """Return a limit of a joint, rad or m; infinite where the file gives none, or one that is endless."""
+        """Return a limit of a joint, rad, m, rad/s or m/s; infinite where the file gives none, or one without end."""
         sign, text = (-1.0 if end == "lower" else 1.0), (joint.findtext(f"axis/limit/{end}") or "inf").strip()
         if text.lower().lstrip("+-") in ("inf", "infinity"):
             return sign * np.inf
@@ -192,6 +193,8 @@ class _Reader:
             limits = [self._limit(joint, end) for end in ("lower", "upper")]
             if kind != "continuous" and np.isfinite(limits).any():
                 made.range = limits
+            if 0.0 < (speed := self._limit(joint, "velocity")) < np.inf:
+                self.spec.add_numeric(name=VELOCITY_LIMIT.format(name), data=[speed], size=1)
             if (effort := self._number(joint, "axis/limit/effort", -1.0)) > 0.0:
                 made.actfrcrange, made.actfrclimited = [-effort, effort], True
 

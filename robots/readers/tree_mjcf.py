@@ -17,6 +17,12 @@ from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
+VELOCITY_LIMIT = "velocity limit of {}"
+"""Name of the custom number of an MJCF with the velocity limit of a joint, which has no attribute for it."""
+
+SPEED, SLIDE_SPEED = 20.0, 1.0
+"""Velocity limits of hinges, rad/s, and slides, m/s, for which a file gives none."""
+
 
 @dataclass
 class Tree:
@@ -78,6 +84,16 @@ class Tree:
     def slides(self, joint: int) -> bool:
         """Return True for a slide, False for a hinge."""
         return int(self.model.jnt_type[joint]) == SLIDE
+
+    def given_speed(self, joint: int) -> float | None:
+        """Return the velocity limit that the file gives a joint, rad/s or m/s; None without one."""
+        name = VELOCITY_LIMIT.format(self.joint_name(joint))
+        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
+        return None if number < 0 else float(self.model.numeric(number).data[0])
+
+    def speed(self, joint: int) -> float:
+        """Return the velocity limit of a joint, rad/s or m/s."""
+        return self.given_speed(joint) or (SLIDE_SPEED if self.slides(joint) else SPEED)
 
     def reference(self, joint: int) -> float:
         """Return the position of a joint in which the file shows the robot, rad or m."""

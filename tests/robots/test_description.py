@@ -163,6 +163,8 @@ def test_shapes_without_geometry_or_of_another_kind_are_left_out() -> None:
         '<material name="m"><color rgba="0.1 2 -1 1"/></material>': (0.1, 1.0, 0.0, 1.0),
         '<material name="n"><color rgba="0.1 0.2 0.3"/></material>': None,
         '<material><color rgba="0 0 1 1"/></material>': (0.0, 0.0, 1.0, 1.0),
+        '<material name="o"><color rgba="1,0,0,1"/></material>': None,
+        '<material name="p"><color rgba="nan 0 0 1"/></material>': None,
         "": None,
     }
     for material, colour in colours.items():

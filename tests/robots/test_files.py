@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from meshes import CORNERS, stl
 from mjcf_biped import biped
 
 from wbc.base.errors import InputError, UnknownNameError
@@ -73,6 +75,43 @@ def test_a_file_in_the_folder_of_its_user_is_read_anew_when_it_has_changed(
     robot.write_text(biped().replace('mass="', 'mass="1'))
     os.utime(robot, (2e9, 2e9))
     assert load(mine).robot().mass > 1.5 * before.robot().mass
+
+
+def test_a_robot_is_read_anew_when_a_file_that_it_includes_or_takes_a_mesh_from_has_changed(
+    tmp_path: Path,
+) -> None:
+    """The digest of a stamp is that of what is on the disk, whichever file holds it."""
+    (tmp_path / "parts").mkdir()
+    part, mesh, scene = (
+        tmp_path / "parts" / "body.xml",
+        tmp_path / "parts" / "hat.stl",
+        tmp_path / "scene.xml",
+    )
+    hat = '<mujoco><compiler meshdir="parts"/><asset><mesh name="hat" file="hat.stl"/></asset></mujoco>'
+    (tmp_path / "hat.xml").write_text(hat)
+    bodies = re.search(r"<worldbody>.*</worldbody>", biped(), re.DOTALL)
+    assert bodies is not None
+    top = biped().replace(bodies[0], '<include file="parts/body.xml"/><include file="hat.xml"/>')
+    own = '<body name="hat"><geom type="mesh" mesh="hat" density="500"/></body>'
+    hatted = re.sub(r"(<body name=.chest[^>]*>)", rf"\1{own}", bodies[0])
+    assert hatted != bodies[0]
+    part.write_text(f"<mujoco>{hatted}</mujoco>")
+    mesh.write_bytes(stl(CORNERS))
+    scene.write_text(top)
+    for name, file in ((str(scene), part), (str(tmp_path / "mine.toml"), mesh)):
+        (tmp_path / "mine.toml").write_text("file = 'scene.xml'\n")
+        before = load(name)
+        stamp = registry.stamped(name)
+        if file is part:
+            part.write_text(part.read_text().replace('mass="', 'mass="1'))
+        else:
+            mesh.write_bytes(stl(1.5 * CORNERS))
+        os.utime(file, (2e9, 2e9))
+        after = load(name)
+        assert after.robot().mass > before.robot().mass + 1.0
+        assert after.digest == files.read(name).digest != before.digest
+        with pytest.raises(InputError, match="has changed"):
+            load(stamp)
 
 
 def test_a_frame_that_is_there_already_is_the_same_one_or_refused() -> None:

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.base.errors import ModelError
-from wbc.robots import read_sdf
+from wbc.robots import RobotDescription, read_sdf
 
 LINK = '<link name="{name}"><pose>{pose}</pose>{more}</link>'
 JOINT = """<joint name="{name}" type="{kind}"><parent>{parent}</parent><child>{child}</child><pose>{pose}</pose>{axis}
@@ -140,6 +140,18 @@ def test_effort_damping_friction_and_springs_of_a_joint_are_those_of_the_file(tm
         bare = pair(tmp_path, axis=f"<axis><xyz>1 0 0</xyz>{effort}</axis>")
         assert not bare.jnt_actfrclimited[0 if bare.njnt == 1 else bare.joint("j").id]
         assert bare.joint("j").stiffness[0] == bare.joint("j").damping[0] == 0.0
+
+
+@pytest.mark.parametrize(("kind", "usual"), [("revolute", 20.0), ("prismatic", 1.0)])
+def test_a_joint_is_as_fast_as_its_file_says(kind: str, usual: float, tmp_path: Path) -> None:
+    """A spec has no place for it but a number of its own; a limit without end is none."""
+    for text, speed in (("3", 3.0), ("inf", usual), ("-1", usual), ("1e16", usual), (None, usual)):
+        limit = "" if text is None else f"<velocity>{text}</velocity>"
+        axis = f"<axis><xyz>0 0 1</xyz><limit>{limit}<effort>9</effort></limit></axis>"
+        model = pair(tmp_path, kind, axis)
+        robot = RobotDescription.from_mjcf(model, feet=False)
+        assert robot.velocity_limit.tolist() == [speed]
+        assert any("velocity limits: " in line for line in robot.derived) == (speed == usual)
 
 
 def test_a_ball_joint_is_three_hinges_in_its_axes_and_a_fixed_one_none(tmp_path: Path) -> None:
