@@ -52,7 +52,7 @@ from wbc.walking.swing import FootMotion
 logger = logging.getLogger(__name__)
 
 LET_GO = 0.01
-"""Distance of a landing from its footstep from which on a walk says that it was let go, m."""
+"""Distance of a landing from its footstep from which on the log says that it was let go, m."""
 
 
 class SteppingWalk(ReferenceSource):
@@ -75,6 +75,7 @@ class SteppingWalk(ReferenceSource):
         stair: Height to the next stair of these, up or down, m; 0 on the level.
         time: Time since the gait began, s.
         steps_done: Steps that have ended with a foot on the ground.
+        missed: Distance of the last landing from its footstep, m; 0 for a step that is steered.
     """
 
     com_height: float
@@ -134,11 +135,11 @@ class SteppingWalk(ReferenceSource):
         the robot stands if both have stood for longer.
         """
         values, felt = self._values, self.felt
-        self.time, self.steps_done = 0.0, 0
+        self.time, self.steps_done, self.missed = 0.0, 0, 0.0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
         self.stair = 0.0
-        self._idle = False  # while the planner asks for a stand
+        self._idle = False  # while the planner asks for a stand, and after the last step of a plan
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
         self.height = HeightCourse(self.scale, self.dt)
@@ -341,7 +342,10 @@ class SteppingWalk(ReferenceSource):
     def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0, out: SetOff | None = None) -> None:
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
         self.felt.enter(GaitPhase.SINGLE, stance, elapsed)
-        self._plan_steps(SIDES[1 - stance], frames)
+        if out is None and self._idle and isinstance(self.planner, PlanSource):
+            self.footsteps, self.stair = (), 0.0  # a step back to the end of a plan begins in a stand
+        else:
+            self._plan_steps(SIDES[1 - stance], frames)
         self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.stair), out=out)
 
     def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
@@ -350,13 +354,19 @@ class SteppingWalk(ReferenceSource):
         steering.land(self.step.end(asked))
         landed = felt.swing
         self.steps_done += 1
-        if self.footsteps:
-            self._say_missed(SIDES[landed], self.step.decision.missed)
+        self._idle |= isinstance(self.planner, PlanSource) and len(self.footsteps) == 1
+        self.missed = self.step.decision.missed if self.footsteps else 0.0
+        if self.missed > LET_GO:
+            logger.info(
+                "the %s foot has landed %.0f mm beside its footstep: what the footstep leaves of the balance, the next "
+                "sole could not have caught",
+                SIDES[landed],
+                1e3 * self.missed,
+            )
         slow = math.hypot(*steering.velocity) < c.stop_speed
         near = slow and state.apart() < c.stop_length
         if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
-            self.reason = "" if self.footsteps else self.reason
             self.footsteps = ()
             steering.rest(self._middle())
             return (Event.STOPPED,)
@@ -364,22 +374,13 @@ class SteppingWalk(ReferenceSource):
         self.step.decide(self._asked(asked.steps), frames)
         return (Event.LIFT_OFF,)
 
-    def _say_missed(self, side: str, missed: float) -> None:
-        """Say that the foot of a side has landed so far beside its footstep, m, until one lands on its own again."""
-        self.reason = ""
-        if missed > LET_GO:
-            self.reason = (
-                f"the {side} foot has landed {1e3 * missed:.0f} mm beside its footstep: what the footstep leaves of "
-                "the balance, the next sole could not have caught"
-            )
-            logger.info("%s", self.reason)
-
     # ---- what asks for steps ------------------------------------------------------------------------------------
 
     def _plan_steps(self, first: str | None, frames: Frames) -> None:
         """Take the planner's footsteps; `first` is the side that steps, None for either.
 
-        A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
+        A planner that fails is left. One that asks for a stand is asked again; a plan is left that has no further step
+        for a robot that stands.
         """
         before, self.footsteps, self.stair = self.stair, (), 0.0
         if self.planner is not None:
@@ -388,10 +389,11 @@ class SteppingWalk(ReferenceSource):
             now = Standing(start, first, self.steps_done, False, self.time, self.reach)
             plan = answer_of(self.planner, now, self._extent, self.dt)
             self._next = self.time + REPLAN
-            if isinstance(plan, str) or (not plan.steps and isinstance(self.planner, PlanSource)):
-                reason = plan if isinstance(plan, str) else self.reason
+            if isinstance(plan, str):
                 self.take(None)
-                self.reason = reason
+                self.reason = plan
+            elif first is None and not plan.steps and isinstance(self.planner, PlanSource):
+                self.take(None)
             else:
                 self.footsteps, self._idle = plan.steps, not plan.steps
                 level = abs(left.z - right.z) < LEAST_STAIR  # else the last stair is still ahead of one foot
