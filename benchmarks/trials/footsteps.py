@@ -7,8 +7,8 @@
 
 The ways are 1.5 m straight on; 0.5 m, a turn of 1.2 rad and 0.5 m; and eight steps aside. A line has the distances in
 the estimated and in the true world, mean and greatest, mm, the number of landings that miss by more than 10 mm in each,
-and the greatest force on a sole over the weight. In position control the estimated world is the commanded one, and the
-steps aside are too wide for `g1`.
+and the greatest force on a sole over the weight. In position control the estimated world is the commanded one, in which
+footsteps are moved against what soles have moved on the ground, and the steps aside are too wide for `g1`.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def main() -> None:
     given = parser.parse_args()
     settings = replace(WalkingControlSettings(), mode=given.mode)
     for name in given.robot or ROBOTS:
-        all_of_it: list[float] = []
+        all_of_it: tuple[list[float], list[float]] = [], []
         for way in given.way or WAYS:
             for seed in given.seeds:
                 try:
@@ -100,13 +100,15 @@ def main() -> None:
                 except InputError as error:
                     print(f"{name} {way} {seed}: refused, {error}", flush=True)
                     continue
-                all_of_it += estimated
+                all_of_it[0].extend(estimated)
+                all_of_it[1].extend(true)
                 print(
                     f"{name} {way} {seed}: {len(estimated)} landings, estimated {_shown(estimated)}, true "
                     f"{_shown(true)}, force {force:.1f}, {ended}",
                     flush=True,
                 )
-        print(f"{name}: {len(all_of_it)} landings, {_shown(all_of_it)}", flush=True)
+        estimated, true = all_of_it
+        print(f"{name}: {len(true)} landings, estimated {_shown(estimated)}, true {_shown(true)}", flush=True)
 
 
 def _shown(distances: list[float]) -> str:

@@ -11,7 +11,7 @@ import pytest
 from pendulum import BY_TIME
 
 from wbc.base.errors import InputError
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.lipm.adjustment import AdjustmentSettings, PlannedSwing
@@ -249,6 +249,41 @@ def test_soles_that_turn_on_the_ground_turn_the_landings_back_about_the_foot_tha
         x, y = before.x, before.y + 0.0875  # from the right foot
         assert step.yaw == pytest.approx(-back)
         assert (step.x, step.y) == pytest.approx((c * x + s * y, -s * x + c * y - 0.0875))
+
+
+@pytest.mark.parametrize("last_leaves", [False, True])
+def test_feet_that_slide_on_the_ground_land_on_the_footsteps_of_the_plan(*, last_leaves: bool) -> None:
+    """Each foot slides by d after its landing, by the encoders; a foot that swings is where the foot that stands is.
+
+    Then the robot sets off again: the last slide counts if the foot that has slid stays.
+    """
+    slide, w, steps = np.array([-0.006, 0.002, 0.0]), walking(), walk_distance(START, 0.3).steps
+    places, off = [START.left.placement, START.right.placement], [np.zeros(3), np.zeros(3)]
+
+    def step_on() -> None:
+        measured = [pin.SE3(at.rotation, at.translation + by) for at, by in zip(places, off, strict=True)]
+        feet = w.advance([WEIGHT * share for share in ideal(w)], places, measured=measured).feet
+        places[:] = (foot.placement for foot in feet)
+
+    for count, step in enumerate(steps):
+        while w.steps_done == count:
+            step_on()
+            if (air := w.progress.air) is not None:
+                off[air] = off[1 - air]
+        side = SIDES.index(step.side)
+        landed = places[side].translation + off[1 - side]
+        np.testing.assert_allclose(landed[:2], (step.x, step.y), atol=1e-6)
+        off[side] = off[1 - side] + slide
+    while not w.finished:
+        step_on()
+    feet = Footstep.of("left", places[0]), Footstep.of("right", places[1])
+    again = feet[side if last_leaves else 1 - side]
+    again = replace(again, x=again.x + 0.05)
+    w.take(PlanSource(FootstepPlan(feet[0], feet[1], (again,), Gait())))
+    while w.progress.air is None:
+        step_on()
+    moved_by = np.zeros(3) if last_leaves else -slide
+    np.testing.assert_allclose(w.phases.landing.position, again.position + moved_by, atol=1e-9)
 
 
 def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_dcm_falls() -> None:

@@ -174,7 +174,7 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     monkeypatch.setattr(
         walking.source,
         "advance",
-        lambda loads, soles, dcm, turned: given.append(dcm) or advance(loads, soles, dcm, turned),
+        lambda loads, soles, dcm, *others: given.append(dcm) or advance(loads, soles, dcm, *others),
     )
     speed = np.zeros(robot.na)
     for joint, sign in (("hip_pitch", -1.0), ("ankle_pitch", 1.0)):

@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
@@ -73,8 +74,8 @@ class LipmWalk(ReferenceSource):
         swing: Swing of this step; None on both feet.
         ground: What is known of the ground.
         com_height: Height of the CoM over the support while walking, m.
-        drift_correction: Yaw-drift correction of the remaining footsteps: their motion since the planner was taken, for
-            soles that have turned on the ground, which the estimated world follows.
+        drift_correction: Drift correction of the remaining footsteps: their motion since the planner was taken, for
+            soles that have moved and turned on the ground, which the estimated world follows.
     """
 
     com_height: float
@@ -110,7 +111,8 @@ class LipmWalk(ReferenceSource):
         self._drive = drive or DriveSettings()
         self.steering = Steering(self._drive.limits, PLANNED_NEAR, extent)
         self.dt, self.ground = dt, GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._soles = [robot.placement(frame) for frame in self._frames]
         self._laws = [law_of(s, robot, com_height, self.reach, climbs=climbs) for climbs in (False, True)]
         self._preview, self._adjuster = self._laws[False]
         self.time, self.steps_done = 0.0, 0
@@ -120,6 +122,7 @@ class LipmWalk(ReferenceSource):
         self._landed = False  # since the last plan: that of a plan's steps is due on both feet
         self._begun: tuple[Event, ...] = ()  # events before the next update
         self.drift_correction = pin.SE3.Identity()
+        self._measured: Sequence[pin.SE3] | None = None  # soles by the encoders in this tick
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self.swing: SwingFoot | None = None
         self._planned_swing: PlannedSwing | None = None
@@ -277,7 +280,8 @@ class LipmWalk(ReferenceSource):
     def update(self, state: State) -> Reference:
         """Plan the footsteps anew if it is time to, and return the references of the walk."""
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        return self.advance(state.load.tolist(), self._soles, state.dcm, state.turned)
+        measured = [state.robot.placement(frame) for frame in self._frames]
+        return self.advance(state.load.tolist(), self._soles, state.dcm, state.turned, measured)
 
     def advance(
         self,
@@ -285,6 +289,7 @@ class LipmWalk(ReferenceSource):
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
         turned: float = 0.0,
+        measured: Sequence[pin.SE3] | None = None,
     ) -> Reference:
         """Compute one tick.
 
@@ -293,9 +298,10 @@ class LipmWalk(ReferenceSource):
             soles: Placements of the soles as they are; as planned when None.
             dcm: Measured DCM, m; None leaves landings as planned.
             turned: Angle by which soles have turned on the ground in the last period, rad.
+            measured: Placements of the soles by the encoders; None for those of `soles`.
         """
         self.plan_steps()
-        phases, course = self.phases, self.course
+        phases, course, self._measured = self.phases, self.course, measured
         self.time += self.dt
         course.advance(self.dt)
         phases.advance(self.dt)
@@ -338,7 +344,7 @@ class LipmWalk(ReferenceSource):
         phases = self.phases
         phases.lift()
         self._loaded = 0.0
-        self._turn_back(places[phases.stance])
+        self._correct_drift(places)
         step, shape = phases.landing, phases.gait.swing
         self.ground.lift(phases.stance, places[phases.stance])
         landing = self.ground.expect(step, self._near(step))
@@ -350,16 +356,27 @@ class LipmWalk(ReferenceSource):
         self._replan()
         self._plan_swing()
 
-    def _turn_back(self, stance: pin.SE3) -> None:
-        """Turn the landings to come about the foot that stands, against what soles have turned on the ground."""
-        if abs(self._turned) < TURNED:
-            return
-        turn = max(-MOST_TURN, min(MOST_TURN, -self._turned))
-        self._turned += turn
+    def _correct_drift(self, places: Sequence[pin.SE3]) -> None:
+        """Move the landings to come against what soles have moved and turned on the ground.
+
+        The foot that has landed has moved by the difference of its places beside the other one, by the encoders and as
+        commanded. What soles have turned is turned back about it.
+        """
+        stance, turn, back = self.phases.stance, 0.0, np.zeros(3)
+        here, last, measured = places[stance].translation, self._planned_swing, self._measured
+        if measured is not None and last is not None and last.landing.side == SIDES[stance]:
+            before, now = (
+                soles[1 - stance].translation - soles[stance].translation for soles in (places, measured)
+            )
+            back[:2] = now[:2] - before[:2]
+        if abs(self._turned) >= TURNED:
+            turn = max(-MOST_TURN, min(MOST_TURN, -self._turned))
+            self._turned += turn
         rotation = yaw_rotation(turn)
-        move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
-        self.drift_correction = move * self.drift_correction
-        self.phases.set_landing(self.phases.landing.moved(move))
+        move = pin.SE3(rotation, here - rotation.dot(here) + back)
+        if not move.isIdentity(0.0):
+            self.drift_correction = move * self.drift_correction
+            self.phases.set_landing(self.phases.landing.moved(move))
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
