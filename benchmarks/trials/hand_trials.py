@@ -60,12 +60,14 @@ def table(kind: str, found: list[Row]) -> str:
                 ended.append(f"{' '.join(row['words'])}: {row['stage']}")
                 continue
             force = row["force_N"] if kind == "press" else None  # of a cart or a door it is a result
-            cells[row["robot"], row.get("on"), force].append(row)
+            words = row["words"]
+            mode = f", {words[words.index('--mode') + 1]}" if "--mode" in words else ""
+            cells[f"`{row['robot']}`{mode}", row.get("on"), force].append(row)
     head, line = TABLES[kind]
     width = head.count("|") - 1
     lines = [head, "|" + "---|" * width]
     for (robot, *_), results in cells.items():
-        lines.append(f"| `{robot}` | " + line(results) + " |")
+        lines.append(f"| {robot} | {line(results)} |")
     return "\n".join([*lines, *ended])
 
 

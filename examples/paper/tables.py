@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -136,8 +137,16 @@ def arrivals(journal: str | Path = "hypotheses") -> str:
     return markdown(["sole", "arrived", "more than on rigid, %", "p", *corrections], rows)
 
 
+def ramp(journal: str | Path = "hypotheses") -> str:
+    """Return walks, arrivals and the worth of a known stiffness on grounds that begin with a ramp."""
+    return "\n\n".join((soles(SOLES, journal), arrivals(journal), oracle(journal)))
+
+
 def authority(journal: str | Path = "authority") -> str:
-    """Return falls within five steps over the edge that the grounds of version 8 begin with, of 680 walks a sole."""
+    """Return falls within five steps over the edge that the grounds of version 8 begin with, of 680 walks a sole.
+
+    Below them stands the worth of a known stiffness.
+    """
     table = walks(journal)
     own = table[table["foot_changes"].map(len).eq(0) & table["seed"].lt(1000)]
     early = own[own["fell"] & own["steps"].le(5)].groupby("sole").size()
@@ -145,7 +154,8 @@ def authority(journal: str | Path = "authority") -> str:
         [arm, f"{early.get(arm, 0)} of {own['sole'].eq(arm).sum()}", f"{falls(own, arm, 'forward')[0]:.1f}"]
         for arm in SOLES
     ]
-    return markdown(["sole", "fell within five steps", "forward falls per 1,000 steps"], rows)
+    early_falls = markdown(["sole", "fell within five steps", "forward falls per 1,000 steps"], rows)
+    return f"{early_falls}\n\n{oracle(journal, 20)}"
 
 
 def damping(journal: str | Path = "authority") -> str:
@@ -162,7 +172,7 @@ def damping(journal: str | Path = "authority") -> str:
     return markdown(["half critical damping", "steps over b = 2 Nms/rad", "p (Holm)"], rows)
 
 
-def oracle(journal: str | Path = "hypotheses", first: int = 10, edge: bool = False) -> str:
+def oracle(journal: str | Path, first: int = 10) -> str:
     """Return the best stiffness of each family by the first layouts, and what knowing it is worth on the others."""
     table = walks(journal)
     own = table[
@@ -193,13 +203,13 @@ def patchwork(journal: str | Path = "oracle", reference: str = "soft, 80") -> st
     return markdown(["sole", f"steps over '{reference}'", "p", "p (Holm)"], rows)
 
 
-def swings(journals: Sequence[str | Path] = ("table4", "table4_frizza", "fig5", "fig5_frizza")) -> str:
+def swings(journal: str | Path = "") -> str:
     """Return the stiffness that was commanded in the swings of variable soles: quartiles over all of them, Nm/rad."""
     rows = []
-    for journal in journals:
-        table = walks(journal)
+    for each in [journal] if journal else ["table4", "table4_frizza", "fig5", "fig5_frizza"]:
+        table = walks(each)
         commanded = table.loc[table["sole"] == "variable", "commanded"].explode().astype(float)
-        rows.append([journal, len(commanded), *(f"{k:.1f}" for k in commanded.quantile([0.25, 0.5, 0.75]))])
+        rows.append([each, len(commanded), *(f"{k:.1f}" for k in commanded.quantile([0.25, 0.5, 0.75]))])
     return markdown(["variable soles", "swings", "quarter", "half", "three quarters"], rows)
 
 
@@ -232,9 +242,9 @@ PARTS = {
 WHOLE, NONE = "all, the default law", "nothing"
 
 
-def parts(study: str) -> pd.DataFrame:
+def parts(study: str, journal: str | Path = "") -> pd.DataFrame:
     """Return the walks of 'attribution' or 'indispensable' with the part of the law that is added or taken out."""
-    table = walks(study)
+    table = walks(journal or study)
     usual = table["apex"] == (0.5 if study == "attribution" else 0.4)
     part = pd.Series(np.where(usual, NONE, "slow landing"), table.index)
     if study == "attribution":
@@ -245,8 +255,11 @@ def parts(study: str) -> pd.DataFrame:
 
 
 def attribution(journal: str | Path = "") -> str:
-    """Return what each part of the default law does added to the paper's, and taken out of the default one."""
-    added, taken = (parts(study) for study in ("attribution", "indispensable"))
+    """Return what each part of the default law does added to the paper's, and taken out of the default one.
+
+    The journal is that of the parts that are added.
+    """
+    added, taken = parts("attribution", journal), parts("indispensable")
     tables = {}
     for name, table in (("added", added), ("taken", taken)):
         steps = by_sole(table, name="part")
@@ -344,40 +357,47 @@ def dataset(journal: str | Path = "dataset") -> str:
     return comparison(dataset_of(journal), ("KNN 10, paper's features (paper)", "largest class"))
 
 
-TABLES: dict[str, Callable[[], str]] = {
+def extremes(journal: str | Path = "extremes") -> str:
+    """Return what oracles of the place do over 80 and over 2000 Nm/rad between extremes of the ground."""
+    return f"{patchwork(journal)}\n\n{patchwork(journal, 'soft, 2000')}"
+
+
+TABLES: dict[str, Callable[..., str]] = {
     "table2": table2,
     "held_out": held_out,
     "dataset": dataset,
     "halfway": halfway,
     "swings": swings,
     "table4": table4,
-    "table4_frizza": lambda: table4("table4_frizza"),
+    "table4_frizza": partial(table4, journal="table4_frizza"),
     "fig5": fig5,
-    "fig5_frizza": lambda: fig5("fig5_frizza"),
-    "authority_ramp": lambda: f"{soles(SOLES)}\n\n{arrivals()}\n\n{oracle()}",
-    "authority": lambda: f"{authority()}\n\n{oracle('authority', 20)}",
+    "fig5_frizza": partial(fig5, journal="fig5_frizza"),
+    "authority_ramp": ramp,
+    "authority": authority,
     "damping": damping,
     "oracle": patchwork,
-    "extremes": lambda: f"{patchwork('extremes')}\n\n{patchwork('extremes', 'soft, 2000')}",
+    "extremes": extremes,
     "learnt_ramp": learnt,
-    "phase": lambda: soles(
+    "phase": partial(
+        soles,
         (
             *(f"phase: {a}, on one foot {b}" for a, b in ((400, 5), (400, 20), (80, 5))),
             "edge: 400, else 5",
             "soft, 5",
             "soft, 80",
             "rigid",
-        )
+        ),
     ),
-    "design": lambda: soles([f"long arch, {k}" for k in (1, 5, 20, 80)] + ["soft, 5", "soft, 80", "rigid"]),
-    "front": lambda: soles(
-        ["toe 400, arch 5", "toe 400, arch 20", "toe 2000, arch 5", "toe 5, arch 400", "soft, 80", "rigid"]
+    "design": partial(soles, [f"long arch, {k}" for k in (1, 5, 20, 80)] + ["soft, 5", "soft, 80", "rigid"]),
+    "front": partial(
+        soles,
+        ["toe 400, arch 5", "toe 400, arch 20", "toe 2000, arch 5", "toe 5, arch 400", "soft, 80", "rigid"],
     ),
     "attribution": attribution,
     "gains": gains,
     "stepping_soles": stepping,
 }
-"""Table → function that returns it as Markdown."""
+"""Table → function that returns it as Markdown, of another `journal` where one is given."""
 
 
 def main() -> None:
@@ -391,9 +411,8 @@ def main() -> None:
     for name in options.names or TABLES:
         if name not in TABLES:
             parser.error(f"no table '{name}'; there are {', '.join(TABLES)}")
-        print(
-            f"## {name}\n\n{TABLES[name]() if options.journal is None else TABLES[name](options.journal)}\n"
-        )
+        journal = {} if options.journal is None else {"journal": options.journal}
+        print(f"## {name}\n\n{TABLES[name](**journal)}\n")
 
 
 if __name__ == "__main__":

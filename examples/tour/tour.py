@@ -123,7 +123,7 @@ class Tour:
         walking: The control.
         operator: The harness's commands, and the errors at the waypoints.
         effort: Energy and vibration up to now.
-        fell: Time of the fall, s; None before one.
+        fell: Time of the fall, or of a divergence of the simulation, s; None before one.
         told: Time, s, and reason of the fall that the control has named; None before.
         record: Called with loop, walk, measurement and command of each tick, such as a `Recorder`; None for nothing.
     """
@@ -176,16 +176,19 @@ class Tour:
 
     @property
     def over(self) -> bool:
-        """True after a fall, and at the end."""
+        """True after a fall or a divergence, and at the end."""
         return self.fell is not None or self.ticks >= round(self.setup.seconds / PERIOD)
 
     def step(self) -> None:
         """Walk one control period."""
         time, loop, walking, arms = self.ticks * PERIOD, self.loop, self.walking, self.arms
+        if loop.diverged is not None:
+            self.fell = time
+            return
         if self.ticks % round(COMMANDS / PERIOD) == 0:
             self.effort.add(loop.joint_torque, loop.joint_velocity)
             x, y, height, i, j, k, w = loop.base_pose
-            if height < FLOOR or loop.diverged is not None:
+            if height < FLOOR:
                 self.fell = time
                 return
             yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))

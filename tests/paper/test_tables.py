@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from choice import choice
-from tables import NONE, PAPER_TABLE_IV, PARTS, SOLES, WHOLE, parts
+from tables import NONE, PAPER_TABLE_IV, PARTS, SOLES, TABLES, WHOLE, main, parts
 from walks import STUDIES, by_sole, corrected, falls, gain, shown, walks
 
 from wbc.sim.studies import Study
@@ -107,6 +109,17 @@ def test_which_part_of_the_law_closes_the_gap() -> None:
 def test_the_stepping_walk_gains_nothing_by_softness() -> None:
     arms = ("rigid", "soft, 5", "soft, 80", "long arch, 5")
     assert [arrived("stepping_soles", arm) for arm in arms] == [256, 225, 248, 200]
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_table_takes_the_walks_of_the_journal_that_is_given(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty = tmp_path / "own.jsonl"
+    empty.touch()
+    monkeypatch.setattr("sys.argv", ["tables.py", name, "--journal", str(empty)])
+    with pytest.raises(SystemExit, match=f"{re.escape(str(empty))} has no walks"):
+        main()
 
 
 ALL = sorted([*STUDIES.glob("*.json"), *(STUDIES.parents[1] / "studies").glob("*.json")])

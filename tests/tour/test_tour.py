@@ -309,6 +309,18 @@ def test_runs_and_options_that_are_none_are_refused(arguments: list[str]) -> Non
         tour.main(["--json", *options, "--", first])
 
 
+def test_a_divergence_ends_a_run_as_a_fall_does() -> None:
+    run = tour.Tour(10_000, tour.Setup())
+    for _ in range(3):
+        run.step()
+    assert isinstance(run.loop, wbc.sim.MujocoLoop)
+    run.loop.data.qvel[8] = math.nan
+    run.step()
+    run.step()
+    row = run.result()
+    assert run.over and not row["completed"] and row["survived"] == pytest.approx(4 * tour.PERIOD)
+
+
 @pytest.mark.slow
 def test_a_study_goes_on_from_its_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     common = ["--json", "--seconds", "0.1", "--journal", str(tmp_path / "tour.journal")]

@@ -134,3 +134,16 @@ def test_arms_go_ahead(example: Example) -> None:
         places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
         assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
         assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-3)
+
+
+def test_a_table_of_trials_has_a_row_for_each_mode_of_control(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(FOLDER.parents[1] / "benchmarks" / "trials"))
+    trials = importlib.import_module("hand_trials")
+    measured = {"released_deg": 40.0, "beyond_mm": 500.0, "force_N": 20.0, "touch_N": 0.0, "failures": 0}
+    words = ["--robot", "g1", "--seed", "200"]
+    found = [
+        {"what": "door", "robot": "g1", "seed": 200, "words": [*words, *mode], "stage": stage, **measured}
+        for mode, stage in (((), "done"), (("--mode", "torque"), "push"))
+    ]
+    rows = trials.table("door", found).splitlines()[2:]
+    assert [row.split(" | ")[:2] for row in rows] == [["| `g1`", "1 of 1"], ["| `g1`, torque", "0 of 1"]]
