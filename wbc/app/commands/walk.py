@@ -20,7 +20,7 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
 from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.files import check_target, read_toml
 from wbc.base.numbers import finite_scalar
 from wbc.base.registry import allow_code
@@ -112,56 +112,78 @@ def walk(
         target = check_target(
             "a log", options.record, (".arrow",), [options.spec, options.repeat, *map(str, named)]
         )
-    original: Log | None = None
-    changes: list[dict[str, Any]] = []
-    if options.repeat is None:
-        spec = walk_spec(given, options, live.drive)
-    else:
-        original = Log.open(options.repeat)
-        spec, changes = recorded_walk(original)
+    first = walk_spec(given, options, live.drive) if options.repeat is None else Log.open(options.repeat)
+    run = _Run(first, target)
+    spec = run.spec
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         spec.ground().clears(spec.gait.full.swing_height)
-    acting: list[View | RepeatWalk] = []
-    record: Recorder | None = None
-    difference: str | None = None
+    result, trial, _ = live.run(
+        lambda: WalkTrial(spec, visuals=live.view is not None), run.simulate, run.outcome
+    )
+    data, text = with_changes(run.acting, trial, result.to_json(), walk_text(result, spec))
+    data["spec"] = spec.to_json()
+    if options.record is not None:
+        failure = None if run.loss is None else str(run.loss)
+        data |= {"record": str(options.record), "record_failure": failure}
+    compared, words = run.comparison()
+    return output.report(data | compared, text + words, run.loss)
 
-    def simulate(trial: WalkTrial, watching: list[View]) -> WalkResult:
-        nonlocal acting, record, difference
-        hooks: list[TrialHook] = []
-        acting = [*([] if original is None else [RepeatWalk(changes)]), *watching]
+
+class _Run:
+    """Simulation of a walk, or of that of a log again, with a log of its own.
+
+    Attributes:
+        spec: The walk.
+        acting: What may change the last trial: the changes of the log that it repeats, and the page.
+    """
+
+    def __init__(self, walk: WalkSpec | Log, target: Path | None) -> None:
+        self._original = walk if isinstance(walk, Log) else None
+        self.spec, self._changes = recorded_walk(walk) if isinstance(walk, Log) else (walk, [])
+        self._target = target
+        self.acting: list[View | RepeatWalk] = []
+        self._record: Recorder | None = None
+        self._difference: str | None = None
+
+    @property
+    def loss(self) -> WbcError | None:
+        """Failure of the recording of the last trial; None without one."""
+        return None if self._record is None else self._record.loss
+
+    def simulate(self, trial: WalkTrial, watching: list[View]) -> WalkResult:
+        """Simulate a trial that some views show."""
+        original, place = self._original, self._target
+        repeat = [] if original is None else [RepeatWalk(self._changes)]
+        acting: list[View | RepeatWalk] = [*repeat, *watching]
+        self.acting = acting
+        hooks: list[TrialHook] = [*acting]
         with ExitStack() as stack:
-            place = target
             if original is not None and place is None:
                 place = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
             if place is not None:
-                record = stack.enter_context(Recorder(place, spec=spec))
+                self._record = record = stack.enter_context(Recorder(place, spec=self.spec))
                 record.add("view/change", lambda _: _news(acting, trial), about=CHANGE)
-                hooks.append(record)
-            hooks += acting
+                hooks.insert(0, record)
             result: WalkResult = trial.run(hooks)
-            if original is not None and place is not None and record is not None and record.loss is None:
-                difference = first_difference(original, Log.open(place))
+            if original is not None and place is not None and self.loss is None:
+                self._difference = first_difference(original, Log.open(place))
             return result
 
+    @staticmethod
     def outcome(ended: WalkResult) -> str:
+        """Return in a few words how a trial has ended."""
         how = "fell" if ended.fall is not None else ended.outcome
         return f"{how} after {ended.steps_done} steps and {ended.seconds:.1f} s"
 
-    result, trial, _ = live.run(lambda: WalkTrial(spec, visuals=live.view is not None), simulate, outcome)
-    data, text = with_changes(acting, trial, result.to_json(), walk_text(result, spec))
-    data["spec"] = spec.to_json()
-    lost = None if record is None else record.loss
-    if options.record is not None:
-        data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
-    if original is not None and lost is None:
-        versions = differences(original.header.get("versions", {}))
-        data |= {"same": difference is None, "difference": difference, "versions": versions}
-        text += (
-            f"\n  repeated  {'bit for bit the same' if difference is None else f'NOT THE SAME: {difference}'}"
-        )
-        if difference is not None and versions:
+    def comparison(self) -> tuple[dict[str, Any], str]:
+        """Return how the last log compares with the one that it repeats, as plain values and as text."""
+        if self._original is None or self.loss is not None:
+            return {}, ""
+        versions, other = differences(self._original.header.get("versions", {})), self._difference
+        text = f"\n  repeated  {'bit for bit the same' if other is None else f'NOT THE SAME: {other}'}"
+        if other is not None and versions:
             text += f"; the log is of {', '.join(versions)}"
-    return output.report(data, text, lost)
+        return {"same": other is None, "difference": other, "versions": versions}, text
 
 
 def _news(acting: Sequence[View | RepeatWalk], trial: WalkTrial) -> str:
@@ -189,8 +211,6 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     lower = read_spec(options.spec) if options.spec is not None else _usual(upper)
     if drive:
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
-    elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
-        raise InputError("seconds belong to a drive; give --drive as well")
     if "policy" in upper and "foot" not in {*upper, *({} if lower is WALK_PRESETS[USUAL] else lower)}:
         upper["foot"] = "variable"  # the only one that a policy sets
     try:
@@ -199,7 +219,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         if "mode" in {*upper, *lower}:
             raise
         spec = WalkSpec.from_json(over({**upper, "mode": "torque"}, lower))
-    return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
+    return spec if drive else _bounded(spec, options.seconds)
 
 
 def _usual(given: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -211,10 +231,13 @@ def _usual(given: Mapping[str, Any]) -> Mapping[str, Any]:
     return WALK_PRESETS[USUAL] if given.get("loop", PLANT) == PLANT and "trained" not in given else {}
 
 
-def _bounded(
-    spec: WalkSpec, rows: tuple[tuple[float, float, float, float], ...], seconds: float | None
-) -> WalkSpec:
-    """Return a walk whose drive ends with a stand after some seconds at the latest."""
+def _bounded(spec: WalkSpec, seconds: float | None) -> WalkSpec:
+    """Return a walk whose drive, if it is one, ends with a stand after some seconds at the latest."""
+    rows = spec.plan.drive
+    if rows is None:
+        if seconds is not None:
+            raise InputError("seconds belong to a drive; give --drive as well")
+        return spec
     if seconds is None and rows[-1][0] > DRIVE_TIME:
         raise InputError(
             f"a drive of {rows[-1][0]:g} s takes longer than {DRIVE_TIME:g} s: give its longest time, --seconds"
