@@ -39,53 +39,16 @@ ENDS = {"completed": "walked", "stopped": "stopped", "strayed": "STRAYED", "unfi
 
 def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     """Return the text of a result."""
-    fixed = result.sole_stiffness is not None and result.stiffness is None
-    foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
-    ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
-    steps = f"{result.steps_done} of {result.steps_planned} steps"
-    if spec.free:  # none are planned
-        steps = f"{result.steps_done} steps"
-    free = "free steps, " if spec.free else ""
-    if spec.trained is not None:
-        free = f"trained policy {Path(file_of(spec.trained)).name}, "
-    lines = [
-        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {free}{spec.chosen} control, noise {spec.noise}"
-    ]
-    lines += [f"  note      {note}" for note in result.notes]
+    # Of free steps none are planned.
+    steps = (
+        f"{result.steps_done} steps" if spec.free else f"{result.steps_done} of {result.steps_planned} steps"
+    )
+    lines = [_head(result, spec), *(f"  note      {note}" for note in result.notes)]
     if result.diverged is not None:
         lines.append(f"  DIVERGED  after {steps}: {result.diverged}")
         return "\n".join(lines)
-    if result.fall is not None:
-        fall = result.fall
-        lines.append(
-            f"  FELL      after {steps} and {result.seconds:.1f} s ({REASONS[fall.reason]}); the fall "
-            f"began {CAUSES[fall.cause]} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the "
-            f"stance sole tilted by {math.degrees(fall.sole_roll):.1f}° roll, "
-            f"{math.degrees(fall.sole_pitch):.1f}° pitch"
-        )
-    else:
-        verb = ENDS[result.outcome]
-        lines.append(f"  {verb:<9} {steps} in {result.seconds:.1f} s")
-    if result.outcome == "strayed":
-        lines[-1] += (
-            f", {result.goal_error:.2f} m from the goal, up to {result.track_error:.2f} m off the track"
-        )
-    down = result.touchdowns
-    errors = []
-    if result.dcm_error_max is not None:  # a stepping walk has no references for them
-        errors = [
-            f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm, at "
-            f"most {1e3 * result.dcm_error_max:.0f} mm"
-        ]
-    landing = f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
-    if result.impact is not None:
-        landing += f"; at most {result.impact:.2f} x weight"
+    lines += [_end(result, steps), *_balance_lines(result, spec)]
     lines += [
-        f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
-        f"{math.degrees(result.yaw_error):+.1f}°"
-        + ("" if result.speed is None else f", {result.speed:.2f} m/s over its middle half"),
-        *errors,
-        *([] if spec.trained is not None else [landing]),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
         f"  cost      {_cost(result)}",
     ]
@@ -99,6 +62,56 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f"less than {tick['p99']:.0f} us; {result.failures} failed"
         )
     return "\n".join(lines)
+
+
+def _head(result: WalkResult, spec: WalkSpec) -> str:
+    """Return the line on robot, ground and control."""
+    fixed = result.sole_stiffness is not None and result.stiffness is None
+    foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
+    ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
+    kind = "free steps, " if spec.free else ""
+    if spec.trained is not None:
+        kind = f"trained policy {Path(file_of(spec.trained)).name}, "
+    control = f"{kind}{spec.chosen} control, noise {spec.noise}"
+    return f"{result.robot} on {foot}, {ground}, seed {result.seed}, {control}"
+
+
+def _end(result: WalkResult, steps: str) -> str:
+    """Return the line on the end of a walk after some steps."""
+    fall, after = result.fall, f"{result.seconds:.1f} s"
+    if fall is not None:
+        return (
+            f"  FELL      after {steps} and {after} ({REASONS[fall.reason]}); the fall "
+            f"began {CAUSES[fall.cause]} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the "
+            f"stance sole tilted by {math.degrees(fall.sole_roll):.1f}° roll, "
+            f"{math.degrees(fall.sole_pitch):.1f}° pitch"
+        )
+    end = f"  {ENDS[result.outcome]:<9} {steps} in {after}"
+    if result.outcome != "strayed":
+        return end
+    return f"{end}, {result.goal_error:.2f} m from the goal, up to {result.track_error:.2f} m off the track"
+
+
+def _balance_lines(result: WalkResult, spec: WalkSpec) -> list[str]:
+    """Return lines on way, errors of the balance and landings."""
+    speed = "" if result.speed is None else f", {result.speed:.2f} m/s over its middle half"
+    lines = [
+        f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
+        f"{math.degrees(result.yaw_error):+.1f}°{speed}"
+    ]
+    if result.dcm_error_max is not None:  # a stepping walk has no references for them
+        lines.append(
+            f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm, at "
+            f"most {1e3 * result.dcm_error_max:.0f} mm"
+        )
+    if spec.trained is None:
+        down = result.touchdowns
+        most = "" if result.impact is None else f"; at most {result.impact:.2f} x weight"
+        lines.append(
+            f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
+            f"{most}"
+        )
+    return lines
 
 
 def _cost(result: WalkResult) -> str:
