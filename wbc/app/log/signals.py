@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Any, Generic, Literal, NamedTuple, TypeVar, TypeVarTuple, cast
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
@@ -22,6 +22,7 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.source import Reference
 
 T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 
 Kind = Literal["number", "double", "whole", "flag", "text", "list"]
 """Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
@@ -167,9 +168,16 @@ class Signals:
         return [read(tick) for read in self._objects]
 
 
-def optional(find: Callable[[Tick], T | None]) -> Callable[[Callable[[T], Any]], Read]:
-    """Return a function that makes signals of a part of a tick: None in ticks without that part."""
-    return lambda read: lambda tick: None if (part := find(tick)) is None else read(part)
+class TickPart(Generic[T]):
+    """Part of a tick that not every tick has."""
+
+    def __init__(self, find: Callable[[Tick], T | None]) -> None:
+        self._find = find
+
+    def __call__(self, read: Callable[[T, *Ts], Any], *more: *Ts) -> Read:
+        """Return the value of a signal that is read from the part, and from more arguments; None without the part."""
+        find = self._find
+        return lambda tick: None if (part := find(tick)) is None else read(part, *more)
 
 
 def cached(find: Callable[[Tick], T]) -> Callable[[Tick], T]:

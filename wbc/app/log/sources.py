@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.signals import Read, Signals, Tick, cached, optional
+from wbc.app.log.signals import Read, Signals, Tick, TickPart, cached
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
@@ -34,6 +34,7 @@ from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+    from wbc.walking.source import Reference
 
 XYZ, XY, QUATERNION = ("x", "y", "z"), ("x", "y"), ("x", "y", "z", "w")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -83,11 +84,11 @@ def _add_program(signals: Signals, program: Program) -> None:
 
 
 def _add_walk(signals: Signals, tick: Tick) -> None:
-    """Describe phase and references of a walk; NaN and null without a reference."""
-    one, group, feet = signals.one, signals.group, foot_names(tick.robot)
+    """Describe phase, steps and references of a walk; NaN and null without a reference."""
+    one, group = signals.one, signals.group
     told: list[Any] = []
-    planned = optional(lambda t: t.reference)
-    of_walk = optional(lambda t: None if t.reference is None else t.walking)
+    planned = TickPart(lambda t: t.reference)
+    of_walk = TickPart(lambda t: None if t.reference is None else t.walking)
 
     def events(walk: WalkingControl) -> str | None:
         assert walk.reference is not None
@@ -97,7 +98,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
             texts.append(f"fallen: {walk.fallen.value}")
         return "; ".join(texts) or None
 
-    next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
+    next_step = TickPart(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     steps = planned(lambda r: r.progress.steps_done)
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.progress.phase.value), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
@@ -114,26 +115,38 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     about = "velocity that the planned footsteps give"
     group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
     if tick.walking is not None and tick.walking.ground is not None:
-        ground = optional(lambda t: None if t.walking is None else t.walking.ground)
-        about = "what is not used of the ground, and why"
-        one("ground/doubt", "1", about, ground(lambda g: g.status or None), "text")
-        about = "ground known under the sole that stands, over that sole, at the last lift-off"
-        one("ground/difference", "m", about, ground(lambda g: g.difference))
-        about = "changes of what is known of the ground"
-        one("ground/changes", "1", about, ground(lambda g: g.version), "whole")
-        seen = optional(cached(_seen))
-        for axis, name in enumerate(XYZ):
-            about = "known cells at the lift-off of a foot, world"
-            one(f"ground/map/{name}", "m", about, seen(lambda p, axis=axis: p[:, axis]), "list")  # type: ignore[misc]
+        _add_known_ground(signals)
+    _add_references(signals, foot_names(tick.robot), planned)
+
+
+def _add_known_ground(signals: Signals) -> None:
+    """Describe what a walk knows of the ground."""
+    one = signals.one
+    ground = TickPart(lambda t: None if t.walking is None else t.walking.ground)
+    about = "what is not used of the ground, and why"
+    one("ground/doubt", "1", about, ground(lambda g: g.status or None), "text")
+    about = "ground known under the sole that stands, over that sole, at the last lift-off"
+    one("ground/difference", "m", about, ground(lambda g: g.difference))
+    about = "changes of what is known of the ground"
+    one("ground/changes", "1", about, ground(lambda g: g.version), "whole")
+    seen = TickPart(cached(_seen))
+    for axis, name in enumerate(XYZ):
+        about = "known cells at the lift-off of a foot, world"
+        one(f"ground/map/{name}", "m", about, seen(lambda p, axis: p[:, axis], axis), "list")
+
+
+def _add_references(signals: Signals, feet: Sequence[str], planned: TickPart[Reference]) -> None:
+    """Describe the references of pendulum and feet, and the estimated DCM."""
+    one, group = signals.one, signals.group
     group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
     group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
     group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
     group("zmp/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.zmp))
     for i, foot in enumerate(feet):
-        contact = planned(lambda r, i=i: r.progress.contact[i])  # type: ignore[misc]
+        contact = planned(lambda r, i: r.progress.contact[i], i)
         one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
-        pose = planned(lambda r, i=i: pin.SE3ToXYZQUAT(r.feet[i].placement))  # type: ignore[misc]
-        velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
+        pose = planned(lambda r, i: pin.SE3ToXYZQUAT(r.feet[i].placement), i)
+        velocity = planned(lambda r, i: r.feet[i].velocity, i)
         _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
     group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
     group("dcm/estimated", XY, "m", "of the estimated CoM, world", lambda t: _dcm(t, t.estimate))
@@ -142,8 +155,8 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     """Describe the stabilizer of a walk; NaN in ticks without its output."""
     one, group = signals.one, signals.group
-    stabilized = optional(lambda t: t.output)
-    balanced = optional(lambda t: None if t.output is None or t.walking is None else t.walking.balance)
+    stabilized = TickPart(lambda t: t.output)
+    balanced = TickPart(lambda t: None if t.output is None or t.walking is None else t.walking.balance)
     lean = balanced(lambda b: (0.0, 0.0) if b.lean is None else b.lean.angle)
     group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
     bias = balanced(lambda b: (0.0, 0.0) if b.bias is None else b.bias.bias)
@@ -158,10 +171,10 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     about = "desired, at the world origin"
     group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, about, stabilized(lambda o: o.net_wrench))
     for i, foot in enumerate(foot_names(tick.robot)):
-        desired = stabilized(lambda o, i=i: o.feet.wrenches[i])  # type: ignore[misc]
+        desired = stabilized(lambda o, i: o.feet.wrenches[i], i)
         about = "desired by the stabilizer, sole frame"
         group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about, desired)
-        correction = stabilized(lambda o, i=i: _tilts(o.corrections[i]))  # type: ignore[misc]
+        correction = stabilized(lambda o, i: _tilts(o.corrections[i]), i)
         parts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
         group(f"foot/{foot}/correction", parts, units, "added by the stabilizer", correction)
 
@@ -206,7 +219,7 @@ def _add_motion(
 def _add_estimate(signals: Signals, tick: Tick) -> None:
     """Describe the estimated state of the robot and, in position control, the commanded base."""
     robot = cast(Robot, tick.estimate)
-    group, estimated = signals.group, optional(lambda t: t.estimate)
+    group, estimated = signals.group, TickPart(lambda t: t.estimate)
 
     def base(state: Callable[[Tick], Any], name: str) -> None:
         pose: Read = lambda t: state(t).q[:7]  # noqa: E731
@@ -217,12 +230,12 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     group("com/estimated_velocity", XYZ, "m/s", "world", estimated(lambda r: r.com_velocity))
     for foot, sole in zip(foot_names(robot), robot.soles, strict=True):
         frame = robot.frame_id(sole.frame)
-        pose = estimated(lambda r, frame=frame: pin.SE3ToXYZQUAT(r.data.oMf[frame]))  # type: ignore[misc]
+        pose = estimated(lambda r, frame: pin.SE3ToXYZQUAT(r.data.oMf[frame]), frame)
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
     if robot.soles:
-        balance = optional(cached(_balance))
+        balance = TickPart(cached(_balance))
         own = balance(lambda b: b[0])
         zmp: Read = lambda t: own(t) if t.output is None else t.output.measured_zmp  # noqa: E731
         group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", zmp)
@@ -328,7 +341,7 @@ def _add_solver(signals: Signals, tick: Tick) -> None:
     One that is taken out later has NaN from then on.
     """
     one = signals.one
-    solved = optional(lambda t: t.solution)
+    solved = TickPart(lambda t: t.solution)
     one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
     one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
     failures: Read = lambda t: 0 if t.drives is None else t.drives.failures  # noqa: E731
@@ -343,11 +356,11 @@ def _add_solver(signals: Signals, tick: Tick) -> None:
         size = variables.stop - variables.start
         where = f"foot/{feet[name]}" if name in feet else f"contact/{name}"
         about = "solution of the QP, frame of the contact"
-        wrench = solved(lambda s, name=name: _part(s.variables, s.layout.contacts.get(name)))  # type: ignore[misc]
+        wrench = solved(lambda s, name: _part(s.variables, s.layout.contacts.get(name)), name)
         signals.group(f"{where}/wrench_solved", WRENCH[:size], WRENCH_UNITS[:size], about, wrench)
     for name in layout.tasks:
         about = "norm of achieved minus desired acceleration, torque or wrench"
-        norm = solved(lambda s, name=name: _norm(_part(s.residual_rows, s.layout.tasks.get(name))))  # type: ignore[misc]
+        norm = solved(lambda s, name: _norm(_part(s.residual_rows, s.layout.tasks.get(name))), name)
         one(f"solver/residual/{name}", layout.units[name], about, norm)
     named: list[Layout] = [layout]
     texts: dict[bytes, str | None] = {}  # of that layout, by pattern
@@ -448,7 +461,7 @@ def _add_true_state(
     units: Sequence[str],
 ) -> None:
     robot, group, found = tick.robot, signals.group, cached(state)
-    true = optional(found)
+    true = TickPart(found)
 
     base = "truth/base"
     _add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
@@ -480,9 +493,9 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
         last[0] = task.steps[-1]
         return last[0]
 
-    step = optional(landed := cached(find))
-    scan = optional(lambda t: None if (done := landed(t)) is None else done.profile)
-    decision = optional(lambda t: None if (done := landed(t)) is None else done.decision)
+    step = TickPart(landed := cached(find))
+    scan = TickPart(lambda t: None if (done := landed(t)) is None else done.profile)
+    decision = TickPart(lambda t: None if (done := landed(t)) is None else done.decision)
 
     one = signals.one
     one("stiffness/side", "1", "foot that landed", step(lambda s: s.side), "text")
