@@ -16,6 +16,7 @@ from wbc import Command, Measurement
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.machine import Driver, Runner, RunSettings
+from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import MachineError
 from wbc.machine.report import Phase, RunReport
 
@@ -105,6 +106,21 @@ def test_a_robot_that_is_lifted_before_it_stands_hangs_again() -> None:
     phases = begun(runner_of(StillMachine(share)).run(2.1))
     assert [name for name, _ in phases] == ["START", "HANG", "STAND", "HANG", "STOP", "DAMPED"]
     assert phases[2][1] > 1.25 and 1.7 <= phases[3][1] <= 1.95
+
+
+def test_a_robot_must_carry_itself_for_a_time_however_long_it_has_hung(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its feet touch from 1 s on, carry nothing from 1.2 s on, and all of it from one tick to the next at 1.38 s."""
+
+    def share(_: object) -> float:
+        return 0.0 if machine.now < 1.0 or 1.2 < machine.now < 1.38 else 0.2 if machine.now < 1.2 else 1.0
+
+    machine = StillMachine(lambda time: 1.0)
+    monkeypatch.setattr(SoleLoads, "share", property(share))
+    phases = begun(runner_of(machine).run(1.8))
+    assert [name for name, _ in phases] == ["START", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+    assert phases[3][1] == pytest.approx(1.38 + 0.3, abs=0.011)
 
 
 def test_a_controller_is_mixed_in_over_its_time() -> None:

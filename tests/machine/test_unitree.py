@@ -182,6 +182,14 @@ def test_no_wild_command_reaches_the_motors(found: float) -> None:
         assert (np.abs(tau) <= limit).all() and (~(np.abs(total) > limit) | (np.arange(29) == 3)).all()
 
 
+def test_no_robot_is_made_in_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, made = machine(state()), []
+    monkeypatch.setattr(wbc.RobotDescription, "robot", made.append)
+    driver.read(0.0)
+    driver.write(Command(np.zeros(29)))
+    assert len(driver._topics.sent) == 1 and not made  # type: ignore[union-attr, attr-defined]
+
+
 @pytest.mark.parametrize("found", [np.nan, 7.0, -1e30])
 def test_a_motor_that_is_nowhere_has_no_stiffness(found: float) -> None:
     driver, none, gains = machine(state(q=found)), np.zeros(29), np.full(29, 80.0)

@@ -66,8 +66,7 @@ class Inlet:
     Attributes:
         stamped: False once the time of arrival counts.
         raw: The last new measurement with the time that counts, for a control that has a check of its own.
-        good: The last measurement that can be used, impossible readings replaced; None before there is one. It is
-            assigned while a control with a check of its own runs.
+        good: The last measurement that can be used, impossible readings replaced; None before there is one.
         refused: Reason why the last one cannot be used; empty when it can.
         since: Time from which on they have been refused, s; infinite while they are not.
         pace: Ratio of the machine's own time to that of its stamps.
@@ -115,6 +114,10 @@ class Inlet:
         except MeasurementError as error:
             self.refused, self.since = str(error), min(self.since, now)
         return True
+
+    def adopt(self, measurement: Measurement) -> None:
+        """Take a measurement that a control has checked itself as the last one that can be used."""
+        self.good = measurement
 
     def _checked(self, measurement: Any) -> Measurement:
         if isinstance(measurement, Measurement) and measurement.sole_wrench is None:

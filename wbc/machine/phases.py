@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -77,6 +78,22 @@ class RunSettings:
     on_fall: Literal["damp", "go on"] = "damp"
 
 
+class Debounce:
+    """Condition that counts once it has held for a time, s."""
+
+    def __init__(self, time: float) -> None:
+        self._time, self._since = time, math.inf
+
+    def reset(self) -> None:
+        """Start without it."""
+        self._since = math.inf
+
+    def update(self, holds: bool, now: float) -> bool:
+        """Return True if it counts at a time of the clock, s."""
+        self._since = min(self._since, now) if holds else math.inf
+        return now - self._since >= self._time
+
+
 class Phases:
     """Commands of a run, phase by phase.
 
@@ -103,7 +120,7 @@ class Phases:
         self.phase, self.begun, self.slow = Phase.START, list[tuple[Phase, float]](), ""
         self._weight = robot.mass * GRAVITY
         self._may_run = True
-        self._holds: float | None = None  # since when what `_lasts` asks for
+        self._touches, self._carries, self._lifted = map(Debounce, (TOUCHED, CARRIED, LIFTED))
         # Times of the clock at which the run, the phase and the way to half-sitting have begun, s.
         self._begin = self._since = self._started = 0.0
         self.last: Command | None = None
@@ -146,7 +163,9 @@ class Phases:
             self._inlet.forget()  # its check has rested
         self.phase = phase
         self.begun.append((phase, now - self._begin))
-        self._since, self._holds = now, None
+        self._since = now
+        for each in (self._touches, self._carries, self._lifted):
+            each.reset()
         if phase is Phase.START:
             self._started = now
         logger.info("%.3f s: %s", now - self._begin, phase.value)
@@ -204,7 +223,8 @@ class Phases:
                 logger.error("%s: it hangs until it keeps up", self.slow)
             return command
         self.slow = ""
-        if ready and self._lasts(self._loads.share >= settings.touch or settings.load == 0.0, TOUCHED, now):
+        touches = self._loads.share >= settings.touch or settings.load == 0.0
+        if ready and self._touches.update(touches, now):
             if self._stand is not None:
                 self._stand.begin(measurement)
             self.enter(Phase.STAND, now)
@@ -223,10 +243,11 @@ class Phases:
             if stand.control.damped:
                 raise Over(stand.control.status())
         share = self._loads.share
-        if share < settings.touch / 3.0 and settings.load > 0.0:
-            if self._lasts(True, LIFTED, now):
-                self._lift(measurement, now)
-        elif self._lasts(share >= settings.load and self._may_run, CARRIED, now):
+        hangs = share < settings.touch / 3.0 and settings.load > 0.0
+        carries = self._carries.update(not hangs and share >= settings.load and self._may_run, now)
+        if self._lifted.update(hangs, now):
+            self._lift(measurement, now)
+        elif carries:
             if stand is not None:
                 self._control.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
             self.enter(Phase.RUN, now)
@@ -246,7 +267,8 @@ class Phases:
         drives = self._control.drives
         seen = None if drives is None else drives.measurement
         if seen is not None and self.alone(now):
-            self._inlet.good = measurement = seen
+            measurement = seen
+            self._inlet.adopt(seen)
         if not self._driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
         if drives is not None and drives.stopped:
@@ -263,7 +285,7 @@ class Phases:
             return mixed(before, with_gains(command, self._gains), part)
         if self._settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
-            if self._lasts(carried < self._settings.touch / 3.0, LIFTED, now):
+            if self._lifted.update(carried < self._settings.touch / 3.0, now):
                 self._may_run = self._control.restarts
                 self._lift(measurement, now)
         return command
@@ -297,12 +319,3 @@ class Phases:
         if not self._may_run:
             logger.warning("a %s cannot be reset: the robot is balanced on", type(self._control).__name__)
         self.enter(Phase.HANG, now)
-
-    def _lasts(self, holds: bool, time: float, now: float) -> bool:
-        """Return True once something has held for a time."""
-        if not holds:
-            self._holds = None
-            return False
-        if self._holds is None:
-            self._holds = now
-        return now - self._holds >= time

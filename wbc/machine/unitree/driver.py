@@ -104,7 +104,7 @@ class UnitreeDriver(Driver):
         self._held_gains = machine_gains(self.held)
         self._held_at: Array | None = None  # where the first state has them, rad
         self.gains: tuple[Array, Array] = machine_gains(self._names)
-        self._gate: CommandGate | None = None
+        self._gate = CommandGate(description.robot(), 0.002)
         self._topics: Topics | None = None
         self._machine: int | None = None
         self._tick: int | None = None  # of the last state, counted on where it begins anew, ms
@@ -233,8 +233,6 @@ class UnitreeDriver(Driver):
         q = np.nan_to_num(_possible(self._position)) if q is None else q  # without a reading no stiffness
         v = self._zero if v is None else v
         whole = replace(whole, joint_position=q, joint_velocity=v)
-        if self._gate is None:
-            self._gate = CommandGate(self.description.robot(), 0.002)
         try:
             whole = self._gate.admit(whole, (_possible(self._position), self._velocity))
         except InputError as error:
