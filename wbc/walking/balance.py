@@ -69,7 +69,6 @@ class Balance:
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
         self.hands, self.load = hands, load
         self._feedforward = s.mode == "position"
-        self._bias: Array | None = None
 
     @property
     def wrenches(self) -> Mapping[str, Array] | None:
@@ -82,10 +81,9 @@ class Balance:
         if self.load is not None and self.lean is not None:
             self.lean.set_mass(self._robot.mass)
         robot, hands = state.robot, self.hands
-        self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot, last)
         dcm = robot.com + robot.com_velocity / self._divisor
-        if self._bias is not None:
-            dcm[:2] -= self._bias
+        if self.bias is not None:
+            dcm[:2] -= self._estimate_bias(self.bias, robot, last)
         if hands is not None and hands.active:
             if hands.gripping:
                 # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
@@ -112,7 +110,7 @@ class Balance:
             contact,
             reference.progress.heading,
             dt,
-            bias=self._bias,
+            bias=None if self.bias is None else self.bias.bias,
             outside=outside,
         )
         before = BOTH if last is None else last.progress.contact

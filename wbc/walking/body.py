@@ -285,8 +285,7 @@ class Body:
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
         """Return a lean of the trunk in the world with the one that is set, at a heading, rad."""
         ahead = yaw_rotation(heading)
-        ahead_part = np.array([1.0, 1.0, 0.0])
-        set_here = ahead @ pin.exp3(ahead_part * [*self._now[1:3], 0.0]) @ ahead.T
+        set_here = ahead @ pin.exp3(np.array([*self._now[1:3], 0.0])) @ ahead.T
         rates = [ahead @ np.array([*values[1:3], 0.0]) for values in (self._rate, self._acceleration)]
         return LeanMotion(lean.rotation @ set_here, lean.velocity + rates[0], lean.acceleration + rates[1])
 

@@ -22,6 +22,7 @@ from wbc.tasks.stabilizer.feet import StabilizedFeet
 from wbc.walking.stepping.feet import SteppingFeet, halves
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.rise import RiseLimit
+from wbc.walking.stepping.settings import RobotSize
 from wbc.walking.tasks import TaskTable
 
 # ---- planned steps --------------------------------------------------------------------------------------------------
@@ -140,20 +141,33 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     omega, square = scale.omega, scale.omega**2
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
     feet = SteppingFeet(scale, law)
-    com = CoMTask(weight=COM, stiffness=feet.stand[0], damping=feet.stand[1])
     swing: GainOptions = {
         "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN[0] * turn] * 3]),
         "stiffness": halves(law.swing_gains[0], SWING_TURN[1] * square),
         "damping": halves(law.swing_gains[1], SWING_TURN[2] * omega),
     }
     tilt, yaw = PELVIS[0] * turn, PELVIS_YAW * turn
-    pelvis: GainOptions = {
-        "weight": (tilt, tilt, yaw),
-        "stiffness": PELVIS[1] * square,
-        "damping": PELVIS[2] * omega,
-    }
-    torso: GainOptions = {**pelvis, "weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn)}
-    contacts = [
+    trunk: GainOptions = {"stiffness": PELVIS[1] * square, "damping": PELVIS[2] * omega}
+    pelvis: GainOptions = {"weight": (tilt, tilt, yaw), **trunk}
+    torso: GainOptions = {"weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn), **trunk}
+    return TaskTable(
+        com=CoMTask(weight=COM, stiffness=feet.stand[0], damping=feet.stand[1]),
+        contacts=_free_contacts(robot, gait, feet),
+        swing=swing,
+        trunk=(pelvis, torso),
+        posture=_free_posture(robot, gait.scale),
+        twist={"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square},
+        feet=feet,
+        rise=RiseLimit(SLACK * scale.height),
+        reaching=REACHING,
+    )
+
+
+def _free_contacts(robot: Robot, gait: SteppingWalk, feet: SteppingFeet) -> list[SoleContact]:
+    """Return the contacts of the left and of the right sole."""
+    scale = gait.scale
+    moment = MOMENT / (scale.mass**2 * scale.height**2)
+    return [
         SoleContact(
             sole.name,
             friction=gait.settings.friction,
@@ -162,30 +176,20 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
             min_force=0.0,
             ramp=0.0,
             stiffness=0.0,
-            damping=HELD_DAMPING * omega,
-            wrench_weight=halves(FORCE / scale.mass**2, MOMENT / (scale.mass**2 * turn)),
+            damping=HELD_DAMPING * scale.omega,
+            wrench_weight=halves(FORCE / scale.mass**2, moment),
             motion_weight=feet.firm,
         )
         for sole in robot.soles
     ]
-    # Joints of the legs are only damped: soles, CoM and pelvis decide on them.
-    costs, gains, dampings = (
-        np.full(robot.na, value) for value in (POSTURE[0] * turn, POSTURE[1] * square, POSTURE[2] * omega)
-    )
+
+
+def _free_posture(robot: Robot, scale: RobotSize) -> PostureTask:
+    """Return the task of all joints; those of the legs are only damped: soles, CoM and pelvis decide on them."""
+    omega, (cost, stiffness, damping) = scale.omega, POSTURE
+    values = cost * scale.height**2, stiffness * omega**2, damping * omega
+    costs, gains, dampings = (np.full(robot.na, value) for value in values)
     legs = robot.leg_joints
-    costs[legs] *= LEG_JOINTS[0] / POSTURE[0]
+    costs[legs] *= LEG_JOINTS[0] / cost
     gains[legs], dampings[legs] = 0.0, LEG_JOINTS[1] * omega
-    posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
-    rise = RiseLimit(SLACK * scale.height)
-    twist: GainOptions = {"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square}
-    return TaskTable(
-        com=com,
-        contacts=contacts,
-        swing=swing,
-        trunk=(pelvis, torso),
-        posture=posture,
-        twist=twist,
-        feet=feet,
-        rise=rise,
-        reaching=REACHING,
-    )
+    return PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
