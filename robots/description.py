@@ -17,7 +17,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.html import html_table
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, finite_scalar
 from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
@@ -26,7 +26,7 @@ from wbc.core.model import Closure, Coupling, driven_names, is_floating, joints_
 from wbc.core.robot import Robot
 from wbc.robots import frames, tidying, urdf, write_urdf
 from wbc.robots.derivation import link_shapes, posture
-from wbc.robots.derivation.complete import check_values, complete, from_geometry
+from wbc.robots.derivation.complete import Notes, Read, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
 from wbc.robots.mechanism import Mechanism, unlimited
@@ -36,9 +36,6 @@ from wbc.robots.report import doubts, facts, report
 
 Base = Literal["floating", "fixed"]
 """Kind of a base."""
-
-BASES = ("floating", "fixed")
-"""These kinds."""
 
 
 @checked
@@ -127,13 +124,32 @@ class RobotDescription:
             missing = [name for name in names if name not in given]
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
-        check_values(self, self._model)
+        self._check_values()
         for name in (*self.springs, *self.passive):
             choose("joint", name, names)
         q = self._half_sitting_configuration()
         if self.soles:
             posture.check_standing(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
+
+    def _check_values(self) -> None:
+        """Check the values for single joints, each by the name of the joint."""
+        names, model = self.joint_names, self._model
+        values = {
+            "armature": (self.armature, " (kg m²)"),
+            "damping": (self.damping, ""),
+            "friction": (self.frictionloss, ""),
+            "kp": ({name: kp for name, (kp, _) in self.gains.items()}, " (Nm/rad)"),
+            "kd": ({name: kd for name, (_, kd) in self.gains.items()}, " (Nms/rad)"),
+        }
+        for what, (given, unit) in values.items():
+            for name, value in given.items():
+                choose("joint", name, names)
+                finite_scalar(f"{what} of joint '{name}'{unit}", value, low=0.0)
+        for name, value in self.half_sitting.items():
+            i = model.nq - len(names) + names.index(choose("joint", name, names))
+            low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+            finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 
     def __reduce__(self) -> tuple[Any, ...]:
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -178,22 +194,25 @@ class RobotDescription:
         is_file = urdf.is_file(source)
         folder = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
-        fixed, robot = choose("base", base, BASES) == "fixed", urdf.read(source)
+        fixed, robot = base == "fixed", urdf.read(source)
         meshes = (shape.file for shape in robot.shapes if shape.kind == "mesh")
         directories, notes = mesh_folders(meshes, directories, folder)
         locked, changes = tidying.tidy(robot, fixed, options.get("lock") or {}, options.get("repair", False))
         return cls(
             **complete(
-                partial(robot.mechanism, fixed),
-                None
-                if left_sole is None or right_sole is None
-                else from_geometry(robot.shapes, left_sole, right_sole, sole_size, directories),
-                name=name,
-                source=provenance or (str(source) if is_file else "URDF string"),
-                notes=notes + changes,
-                package_dirs=directories,
-                fixed=fixed,
-                taken={"locked": locked},
+                Read(
+                    partial(robot.mechanism, fixed),
+                    name,
+                    provenance or (str(source) if is_file else "URDF string"),
+                    Notes(notes + changes),
+                    fixed,
+                    None
+                    if left_sole is None or right_sole is None
+                    else from_geometry(robot.shapes, left_sole, right_sole, sole_size, directories),
+                    named=left_sole is not None,
+                    package_dirs=directories,
+                    fields={"locked": locked},
+                ),
                 **options,
             )
         )
@@ -250,7 +269,7 @@ class RobotDescription:
                 name=name,
                 sole_size=sole_size,
                 feet=feet,
-                fixed=choose("base", base, BASES) == "fixed",
+                fixed=base == "fixed",
                 root=root,
                 meshes=meshes,
                 use_gains=use_gains,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -20,14 +20,59 @@ from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.mechanism import Geometry, Mechanism, unlimited
 from wbc.robots.options import DescriptionOptions
 
-Reader = Callable[[float], Mechanism]
-"""Function that reads a robot, with a link above its root that is turned by an angle, rad."""
-
 SoleFinder = Callable[[pin.Model, float], tuple[defaults.Soles, list[str]]]
 """Function of a robot's model and the turn of its root so far, rad, that returns the soles and notes on them."""
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
+
+
+class Notes(list[str]):
+    """Remarks on how a robot was read and derived, one line each.
+
+    Attributes:
+        doubtful: Remarks on what is doubtful, or in the file and not in the description, such as a force; they are no
+            items of the list.
+    """
+
+    def __init__(self, lines: Iterable[str] = ()) -> None:
+        super().__init__(lines)
+        self.doubtful: list[str] = []
+
+
+@dataclass(frozen=True)
+class Read:
+    """A robot as its reader has found it in a file.
+
+    Attributes:
+        mechanism: Function that returns its links and joints, with a link above the root that is turned by an angle,
+            rad.
+        name: Its name; that of the mechanism's model when None.
+        source: Origin of the model.
+        notes: Remarks so far; what is derived adds its own.
+        fixed: True for a base that is bolted to the world.
+        find_soles: Finder of the soles; None for a robot without feet.
+        named: True if the soles are given by name or place, False if it is left to `find_soles` which foot is the left
+            one.
+        package_dirs: Folders with the meshes.
+        postures: Postures of the file that may be half-sitting, name and joint → position.
+        loops: Closed chains of the file.
+        passive: Joints of the file without a drive.
+        fields: Fields of the description that the file alone gives, such as the damping.
+    """
+
+    mechanism: Callable[[float], Mechanism]
+    name: str | None
+    source: str
+    notes: Notes
+    fixed: bool
+    find_soles: SoleFinder | None
+    named: bool
+    package_dirs: tuple[str, ...] = ()
+    postures: Sequence[tuple[str, Mapping[str, float]]] = ()
+    loops: tuple[Closure, ...] = ()
+    passive: tuple[str, ...] = ()
+    fields: Mapping[str, Any] = field(default_factory=dict)
 
 
 def from_geometry(
@@ -50,133 +95,118 @@ def from_geometry(
     return find
 
 
-def complete(
-    read: Reader,
-    find_soles: SoleFinder | None,
-    *,
-    name: str | None,
-    source: str,
-    notes: list[str],
-    doubtful: Sequence[str] = (),
-    package_dirs: tuple[str, ...] = (),
-    postures: Sequence[tuple[str, Mapping[str, float]]] = (),
-    feet_found: bool = False,
-    fixed: bool = False,
-    loops: tuple[Closure, ...] = (),
-    taken: Mapping[str, Any] | None = None,
-    **options: Unpack[DescriptionOptions],
-) -> dict[str, Any]:
-    """Return the fields of a `RobotDescription`.
-
-    `notes` are the remarks so far, `doubtful` those on doubtful values, `postures` those of the file (name, joint →
-    position) that may be half-sitting, `taken` further fields, taken over as they are. With `feet_found` it was left to
-    `find_soles`, which is None for a robot without feet, which foot is the left one. With `fixed` the base is bolted to
-    the world; `loops` are the closed chains of the file.
-    """
-    if fixed and find_soles is not None:
+def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any]:
+    """Return the fields of the `RobotDescription` of what was read."""
+    if read.named and read.fixed:
         raise InputError(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
         )
+    if read.named and read.find_soles is None:
+        raise InputError("feet=False describes a robot without soles: give no left_sole and right_sole")
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
+    notes, height = read.notes, options.get("height")
+    robot, model, soles = _on_soles(read, options)
+    joints, closures = _half_sitting(read, options, model, soles)
+    mass, com_height = _size(model, soles, joints)
+    robot = _driven(robot, model, soles, mass * GRAVITY * com_height, notes)
+    rotors = ARMATURE_RATIO * mass * com_height**2
+    return {
+        "name": read.name or robot.model.name,
+        "mechanism": robot,
+        "soles": soles,
+        "half_sitting": joints,
+        "armature": defaults.complete_armature(list(joints), options.get("armature"), rotors, notes),
+        "torso": _torso(options.get("torso"), model, soles, notes),
+        "imu": defaults.complete_imu(model, options.get("imu"), notes),
+        "hands": options.get("hands") or {},
+        "servo": options.get("servo") or ServoRule(),
+        "gains": options.get("gains") or {},
+        "package_dirs": read.package_dirs,
+        "height": None if height is None else finite_scalar("height (m)", height, above=0.0),
+        "source": read.source,
+        "licence": options.get("licence", "unknown"),
+        "derived": tuple(notes),
+        "doubtful": tuple(notes.doubtful),
+        "closures": closures,
+        "passive": tuple(dict.fromkeys((*read.passive, *(options.get("passive") or ())))),
+        **read.fields,
+    }
+
+
+def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.Model, defaults.Soles]:
+    """Return the mechanism, its root turned to where the feet point, its model with the soles, and these."""
     limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
-    robot = read(0.0).with_limits(*limits)
-    name = name or robot.model.name
+    robot, notes = read.mechanism(0.0).with_limits(*limits), read.notes
+    name = read.name or robot.model.name
     notes += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
         for each, coupling in robot.couplings.items()
     ]
     model = robot.coupled(name, notes)
-    remarks: list[str] = []
-    soles: defaults.Soles = ()
-    turn = 0.0
-    if find_soles is not None:
-        soles, remarks = _add_soles(model, find_soles, 0.0)
-        turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
-    if turn and find_soles is not None:
-        robot = read(turn).with_limits(*limits)
+    if read.find_soles is None:
+        return robot, model, ()
+    soles, remarks = _add_soles(model, read.find_soles, 0.0)
+    turn = heading(model, soles, not read.named) if options.get("turn_root") is not False else 0.0
+    if turn:
+        robot = read.mechanism(turn).with_limits(*limits)
         model = robot.coupled(name)
         notes.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link "
             f"'{frames.carrier_link(model, 1)}'"
         )
-        soles, remarks = _add_soles(model, find_soles, turn)
+        soles, remarks = _add_soles(model, read.find_soles, turn)
     notes += remarks
-    if soles:
-        defaults.check_sides(model, soles)
-        for sole in soles:
-            defaults.refuse_at_ankle(model, sole)
+    defaults.check_sides(model, soles)
+    for sole in soles:
+        defaults.refuse_at_ankle(model, sole)
+    return robot, model, soles
 
-    joints = posture.half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
-    closures = (*loops, *(options.get("closures") or ()))
+
+def _half_sitting(
+    read: Read, options: DescriptionOptions, model: pin.Model, soles: defaults.Soles
+) -> tuple[dict[str, float], tuple[Closure, ...]]:
+    """Return joint → position in half-sitting, rad or m, in which closed chains are closed, and their closures."""
+    given = options.get("half_sitting") or {}
+    joints = posture.half_sitting(model, soles, given, read.notes, read.postures)
+    closures = (*read.loops, *(options.get("closures") or ()))
     if closures:
-        given = options.get("half_sitting") or {}
         joints = posture.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
+    return joints, closures
+
+
+def _size(model: pin.Model, soles: defaults.Soles, joints: Mapping[str, float]) -> tuple[float, float]:
+    """Return mass, kg, and height of the centre of mass over the soles, m; zero without soles."""
     q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
-    # Sizes follow from the height over the soles.
-    com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
-    mass = pin.computeTotalMass(model)
-    missing = unlimited(model)
-    if missing and not soles:
+    height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
+    return pin.computeTotalMass(model), height
+
+
+def _driven(
+    robot: Mechanism, model: pin.Model, soles: defaults.Soles, weight_moment: float, notes: Notes
+) -> Mechanism:
+    """Return a mechanism with torque limits for all joints; `weight_moment` is m g h, Nm."""
+    if not (missing := unlimited(model)):
+        return robot
+    if not soles:
         hint = defaults.feet_hint(model)
         raise ModelError(
             f"joints without torque limits: {', '.join(missing)}; give torque_limits{hint and f', or its feet: {hint}'}"
         )
-    if missing:
-        torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
-        robot = robot.with_limits(torque=torques)
-        listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
-        notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
-        doubtful = *doubtful, "torque limits that the file does not give are guessed from mass and size"
-    rotors = defaults.complete_armature(
-        list(joints), options.get("armature"), ARMATURE_RATIO * mass * com_height**2, notes
-    )
-    torso, height = options.get("torso"), options.get("height")
-    if torso is None:
-        torso = defaults.find_torso(model, soles)
-        notes.append(f"torso: link '{torso}'")
-    choose("link", torso, frames.link_names(model))
-    return {
-        "name": name,
-        "mechanism": robot,
-        "soles": soles,
-        "half_sitting": joints,
-        "armature": rotors,
-        "imu": defaults.complete_imu(model, options.get("imu"), notes),
-        "torso": torso,
-        "hands": options.get("hands") or {},
-        "servo": options.get("servo") or ServoRule(),
-        "gains": options.get("gains") or {},
-        "package_dirs": package_dirs,
-        "height": None if height is None else finite_scalar("height (m)", height, above=0.0),
-        "source": source,
-        "licence": options.get("licence", "unknown"),
-        "derived": tuple(notes),
-        "doubtful": tuple(doubtful),
-        "closures": closures,
-        "passive": tuple(options.get("passive") or ()),
-        **(taken or {}),
-    }
+    torques = defaults.torque_limits(model, soles, missing, weight_moment)
+    listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
+    notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
+    notes.doubtful.append("torque limits that the file does not give are guessed from mass and size")
+    return robot.with_limits(torque=torques)
 
 
-def check_values(robot: Any, model: pin.Model) -> None:
-    """Check the values that a description gives for single joints, each by the name of the joint."""
-    names = robot.joint_names
-    values = {
-        "armature": (robot.armature, " (kg m²)"),
-        "damping": (robot.damping, ""),
-        "friction": (robot.frictionloss, ""),
-        "kp": ({name: kp for name, (kp, _) in robot.gains.items()}, " (Nm/rad)"),
-        "kd": ({name: kd for name, (_, kd) in robot.gains.items()}, " (Nms/rad)"),
-    }
-    for what, (given, unit) in values.items():
-        for name, value in given.items():
-            choose("joint", name, names)
-            finite_scalar(f"{what} of joint '{name}'{unit}", value, low=0.0)
-    for name, value in robot.half_sitting.items():
-        i = model.nq - len(names) + names.index(choose("joint", name, names))
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
+def _torso(given: str | None, model: pin.Model, soles: defaults.Soles, notes: Notes) -> str:
+    """Return the link of the chest: the given one, or that which most of the mass hangs on."""
+    if given is None:
+        given = defaults.find_torso(model, soles)
+        notes.append(f"torso: link '{given}'")
+    choose("link", given, frames.link_names(model))
+    return given
 
 
 def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[defaults.Soles, list[str]]:

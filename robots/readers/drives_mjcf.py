@@ -57,7 +57,7 @@ class JointData:
 
 
 def read_drives(tree: Tree) -> JointData:
-    """Return the drives of a robot; `tree` gets notes and doubts.
+    """Return the drives of a robot; the notes of `tree` get lines.
 
     An actuator that drives a tendon, a site or a body of the robot is a `ModelError`.
     """
@@ -76,7 +76,7 @@ def read_drives(tree: Tree) -> JointData:
         if springs[number]:
             drives.springs[name] = float(springs[number]), float(model.qpos_spring[model.jnt_qposadr[number]])
     _reflect(drives, tree)
-    tree.doubts += unmodelled(model, tree.bodies, names, tree.ties)
+    tree.notes.doubtful += unmodelled(model, tree.bodies, names, tree.ties)
     refuse_other_drives(tree)
     sums: dict[str, tuple[float, float]] = {}
     for each in actuators(model):

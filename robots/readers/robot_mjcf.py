@@ -12,11 +12,12 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError, shown
 from wbc.core.frames import FrameDescription, Sole
-from wbc.robots.derivation.complete import complete
+from wbc.robots.derivation.complete import Read, SoleFinder, complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
+from wbc.robots.readers.tree_mjcf import Tree
 from wbc.robots.report import UNMODELLED, listed
 
 NO_DRIVE = 1.0
@@ -41,22 +42,8 @@ def fields(
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
     model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
-    lock = options.pop("lock", None) or {}
-    tree = tree_mjcf.find_tree(model, root, lock, fixed)
-    passive = drives_mjcf.passive_joints(tree)
-    moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
-    passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
-    if passive:
-        tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
-    if held := [*passive, *tree.balls()]:
-        tree.doubts.append(
-            f"{UNMODELLED}{len(held)} joints without an actuator, passive and taken as fixed: {listed(held)}"
-        )
-    chains = chains_mjcf.find_chains(tree)
-    tree.ties += [chain.number for chain in chains]
-    idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))
+    tree, chains, idle = _tree_of(model, root, options.pop("lock", None) or {}, fixed)
     drives = drives_mjcf.read_drives(tree)
-    name = name or _model_name(model) or tree.body_name(tree.root)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
     torque |= dict.fromkeys(idle, NO_DRIVE)
     closures = mechanism_mjcf.closures(tree, chains)
@@ -79,45 +66,73 @@ def fields(
     if armature is None or isinstance(armature, Mapping):
         options["armature"] = {**drives.armature, **(armature or {})}
     found_imu, sensors = drives_mjcf.sensors(tree)
-
-    def find_soles(_: pin.Model, turn: float) -> tuple[Soles, list[str]]:
-        if isinstance(left_sole, Sole) and isinstance(right_sole, Sole):
-            return (left_sole, right_sole), []
-        if isinstance(left_sole, FrameDescription) or isinstance(right_sole, FrameDescription):
-            raise ModelError(
-                "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
-                f"{shown(left_sole)} and {shown(right_sole)}"
-            )
-        return feet_mjcf.find_soles(tree, (left_sole, right_sole), sole_size, turn)
-
-    where = "MjSpec"
-    if isinstance(source, (str, Path)):
-        where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
     if options.get("imu") is None and found_imu is not None:
         options["imu"] = found_imu
         tree.notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
-    return complete(
+    where = "MjSpec"
+    if isinstance(source, (str, Path)):
+        where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
+    read = Read(
         lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
-        find_soles if feet and not fixed else None,
-        name=name,
-        source=provenance or where,
-        notes=tree.notes,
-        doubtful=tree.doubts,
+        name or _model_name(model) or tree.body_name(tree.root),
+        provenance or where,
+        tree.notes,
+        fixed,
+        _sole_finder(tree, left_sole, right_sole, sole_size) if feet and not fixed else None,
+        named=left_sole is not None or right_sole is not None,
         postures=drives_mjcf.keyframes(tree),
-        fixed=fixed,
-        feet_found=left_sole is None and right_sole is None,
-        taken={
+        loops=closures,
+        passive=tuple(idle),
+        fields={
             "damping": drives.damping,
             "frictionloss": drives.frictionloss,
             "springs": drives.springs,
             "torque_ranges": one_sided,
             "sensors": sensors,
-            "passive": tuple(idle),
             "locked": {tree.joint_name(joint): value for joint, value in tree.locked.items()},
         },
-        loops=closures,
-        **options,
     )
+    return complete(read, **options)
+
+
+def _tree_of(
+    model: Any, root: str | None, lock: Mapping[str, float], fixed: bool
+) -> tuple[Tree, list[chains_mjcf.Chain], list[str]]:
+    """Return the robot, its closed chains, and their joints without a drive; others without one are fixed."""
+    tree = tree_mjcf.find_tree(model, root, lock, fixed)
+    passive = drives_mjcf.passive_joints(tree)
+    moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
+    passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
+    if passive:
+        tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
+    if held := [*passive, *tree.balls()]:
+        tree.notes.doubtful.append(
+            f"{UNMODELLED}{len(held)} joints without an actuator, passive and taken as fixed: {listed(held)}"
+        )
+    chains = chains_mjcf.find_chains(tree)
+    tree.ties += [chain.number for chain in chains]
+    return tree, chains, sorted(moved_along & chains_mjcf.joints_of(tree, chains))
+
+
+def _sole_finder(
+    tree: Tree,
+    left: str | FrameDescription | None,
+    right: str | FrameDescription | None,
+    size: tuple[float, float] | None,
+) -> SoleFinder:
+    """Return the finder of soles that are given, by name or whole, or at the ends of the lowest limbs."""
+
+    def find(_: pin.Model, turn: float) -> tuple[Soles, list[str]]:
+        if isinstance(left, Sole) and isinstance(right, Sole):
+            return (left, right), []
+        if isinstance(left, FrameDescription) or isinstance(right, FrameDescription):
+            raise ModelError(
+                "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
+                f"{shown(left)} and {shown(right)}"
+            )
+        return feet_mjcf.find_soles(tree, (left, right), size, turn)
+
+    return find
 
 
 def _model_name(model: Any) -> str:

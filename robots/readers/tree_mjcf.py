@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
+from wbc.robots.derivation.complete import Notes
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
@@ -37,8 +38,7 @@ class Tree:
     coupled: dict[str, Coupling] = field(default_factory=dict)  # joints that move with another one
     fixed: bool = False  # True for a robot that is bolted to the world
     ties: list[int] = field(default_factory=list)  # equalities by which they do
-    notes: list[str] = field(default_factory=list)  # remarks on the reading
-    doubts: list[str] = field(default_factory=list)  # those that are doubtful
+    notes: Notes = field(default_factory=Notes)
 
     def body_name(self, body: int) -> str:
         """Return the name of the link of a body; one that is called as Pinocchio's world is has another."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +14,7 @@ import wbc
 from wbc.base.errors import InputError, ModelError
 from wbc.tasks import check_rows
 
+BIPED = Path(__file__).parents[2] / "examples" / "biped.xml"
 QUADRUPED = """<mujoco><worldbody><body name="trunk" pos="0 0 0.3"><freejoint/><geom size=".2 .1 .05" type="box"/>
 {legs}</body></worldbody></mujoco>"""
 LEG = """<body name="{name}" pos="{x} {y} 0">
@@ -85,3 +88,17 @@ def test_a_quadruped_by_mjcf_is_described_without_feet_when_asked() -> None:
     assert any("no feet" in line for line in robot.doubts())
     with pytest.raises(InputError, match="left_sole and right_sole"):
         wbc.RobotDescription.from_urdf(robot.urdf, left_sole="FL_calf")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), [({"base": "fixed"}, "not bolted to the world"), ({"feet": False}, "feet=False")]
+)
+def test_soles_of_a_robot_without_feet_are_refused_however_it_is_read(
+    options: dict[str, Any], said: str
+) -> None:
+    for soles in ({"left_sole": "nonsense"}, {"left_sole": "left_foot", "right_sole": "right_foot"}):
+        with pytest.raises(InputError, match=said):
+            wbc.RobotDescription.from_mjcf(BIPED, **options, **soles)
+    assert wbc.RobotDescription.from_mjcf(BIPED, **options).soles == ()
+    given = wbc.RobotDescription.from_mjcf(BIPED, feet=False, passive=["left_knee"])
+    assert given.passive == ("left_knee",)
