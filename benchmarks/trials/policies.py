@@ -59,15 +59,17 @@ class WildPolicy(PolicyControl):
 
     wild: np.ndarray | None = None
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        """See `PolicyControl`."""
-        super().__init__(*arguments, **options)
-        self._masked = ARMS
+    def observe(self, state: State) -> None:
+        """See `PolicyControl.observe`; the arms are at rest."""
+        super().observe(state)
+        self.observed.position[ARMS] = self.observed.velocity[ARMS] = 0.0
 
-    def _step(self, state: State) -> None:
-        super()._step(state)
+    def aim(self) -> np.ndarray:
+        """See `PolicyControl.aim`; the arms may have other targets."""
+        target = super().aim()
         if self.wild is not None:
-            self._target[ARMS] = self.wild[ARMS]
+            target[ARMS] = self.wild[ARMS]
+        return target
 
 
 class TimedFilter(PolicyFilter):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -217,3 +218,25 @@ def test_controls_for_the_simulator_of_unitree_run_without_force_sensors(
     while plant.time < 0.4:
         plant.step(control.command(plant.measure()))
     assert control.fallen is None and plant.truth().com[2] > 0.6
+
+
+def test_arms_of_a_study_get_other_targets_and_the_policy_sees_them_at_rest(
+    standing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(__file__).parents[2] / "benchmarks" / "trials"
+    monkeypatch.syspath_prepend(str(folder))
+    spec = importlib.util.spec_from_file_location("policy_studies", folder / "policies.py")
+    assert spec is not None and spec.loader is not None
+    studies = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(studies)
+    plant = wbc.Plant(G1, control_period=DT, noise="none")
+    policy, rest = studies.WildPolicy(G1.robot(), standing, DT), G1.robot().half_sitting[7:]
+    policy.wild = rest + 0.1
+    for _ in range(50):
+        command = policy.command(plant.measure())
+        plant.step(command)
+    assert policy.network_error is None
+    np.testing.assert_allclose(command.joint_position - rest, 0.1 * (np.arange(29) >= 15), atol=1e-6)
+    assert np.abs(plant.joint_position - rest)[15:].max() > 0.05
+    assert not policy.observed.position[15:].any() and not policy.observed.velocity[15:].any()
+    assert policy.observed.velocity[:15].any()

@@ -339,8 +339,8 @@ class PolicyControl(SteeredControl):
                 state = self.drives.refuse(state, self.network_error)
         return state
 
-    def _step(self, state: State) -> None:
-        """Observe, and let the network choose the next targets."""
+    def observe(self, state: State) -> None:
+        """Take the joints of a state into `observed`, before an action; a subclass may change what the policy sees."""
         observed, joints, columns = self.observed, self._joints, self._joints.columns
         observed.position[:] = state.robot.q[7:][columns] - joints.default
         observed.velocity[:] = state.robot.v[6:][columns]
@@ -348,6 +348,16 @@ class PolicyControl(SteeredControl):
         if (released := self.drives.released) is not None and not self._sees_arms:
             hidden = released.mask[columns].nonzero()[0]
         observed.position[hidden] = observed.velocity[hidden] = 0.0
+
+    def aim(self) -> Array:
+        """Return the targets of all servos after an action, shape (na,), rad; a subclass may change them in place."""
+        self._joints.aim(self.observed.action)
+        return self._joints.target
+
+    def _step(self, state: State) -> None:
+        """Observe, and let the network choose the next targets."""
+        observed = self.observed
+        self.observe(state)
         if self._regain:
             self._ask_for_more(state.robot)
         self._clock.tick(not (np.abs(observed.command) >= STILL).any())
@@ -364,7 +374,7 @@ class PolicyControl(SteeredControl):
             raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
         most = self.description.action_clip
         np.clip(action, -most, most, out=observed.action)
-        joints.aim(observed.action)
+        self.aim()
 
     def _ask_for_more(self, robot: Robot) -> None:
         """Ask for the velocity that the robot lacks, too."""
