@@ -44,6 +44,9 @@ FAMILIES = 8
 KEYS = ("cell", "arm", "seed", "status")
 """First columns of a study's rows."""
 
+GROUND = ["cell", "seed"]
+"""Columns that tell the ground of a trial."""
+
 
 @dataclass(frozen=True)
 class TableCell:
@@ -234,14 +237,11 @@ def study_table(
         by: Parts of the specs, such as "terrain" or "gait.swing_height"; cells with equal parts become one row. Without
             any, each cell is a row.
     """
-    import pandas as pd  # noqa: PLC0415 - slow to import
-
     name, by = metric or study.measured, tuple(by)
     reference = study.reference or next(iter(study.arms))
     trials = list(study_entries(study, entries))
     frame = _frame(trials)
     frame["value"] = _values(frame, name, completed_only=completed_only)
-    frame["pair"] = list(zip(frame["cell"], frame["seed"], strict=True))
     frame["row"] = [_row(trial.plain, by) if by else trial.cell for trial, _ in trials]
     frame["layouts"] = [layout_of(trial.plain) for trial, _ in trials]
     frame["families"] = [trial.plain.get("terrain") for trial, _ in trials]
@@ -250,58 +250,53 @@ def study_table(
     parts = {row: frame[frame["row"] == row] for row in rows} | ({ALL: frame} if len(rows) > 1 else {})
     cells = []
     for row, part in parts.items():
-        arms = {
-            arm: part[part["arm"] == arm].set_index("pair")
-            for arm in study.arms
-            if (part["arm"] == arm).any()
-        }
-        common = None
-        if part["cell"].nunique() > 1:
-            walked = [set(own.index[own["value"].notna()]) for own in arms.values()]
-            common = set.intersection(*(each for each in walked if each)) if any(walked) else set()
-        for arm, own in arms.items():
-            known = own[own["value"].notna()]
-            counted = known if common is None else known[known.index.isin(common)]
-            many = counted["families"].nunique() >= FAMILIES
-            clusters = "families" if many else "layouts"
-            difference = p = None
-            if arm != reference:
-                more = pd.Series(dtype=float)
-                if reference in arms:
-                    base = arms[reference]["value"].dropna()
-                    more = (known["value"] - base.reindex(known.index)).dropna()
-                units = known.loc[more.index]
-                difference = mean_interval(more.tolist(), units[clusters].tolist())
-                if len(more):
-                    p = sign_flip_p(more.tolist(), units[clusters].tolist())
-            done = own[own["status"] == "done"]
-            outcomes = {} if "outcome" not in done else done["outcome"].value_counts().to_dict()
-            total = sum(outcomes.values())
-            beside = {
-                n: float(_numbers(counted, n).mean())
-                for n in BESIDE
-                if n in counted and counted[n].notna().any()
-            }
-            cells.append(
-                TableCell(
-                    row=row,
-                    arm=arm,
-                    estimate=mean_interval(counted["value"].tolist(), counted[clusters].tolist()),
-                    difference=difference,
-                    p=p,
-                    p_corrected=None,
-                    statuses=own["status"].value_counts().to_dict(),
-                    outcomes=outcomes,
-                    completed=share_interval(outcomes.get("completed", 0), total) if total else None,
-                    falls=done["cause"].value_counts().to_dict() if total else {},
-                    steps=int(_numbers(done, "steps_done").sum()) if total and "steps_done" in done else 0,
-                    beside=beside if total else {},
-                    clusters=clusters,
-                )
-            )
+        values = part.pivot(index=GROUND, columns="arm", values="value")
+        walked = values.dropna(axis="columns", how="all")
+        common = walked.dropna().index if part["cell"].nunique() > 1 else values.index
+        base = values.reindex(columns=[reference])[reference]
+        for arm in (each for each in study.arms if each in values):
+            own = part[part["arm"] == arm].set_index(GROUND)
+            cells.append(_table_cell(row, arm, own, common, None if arm == reference else base))
     corrected = holm([None if cell.row == ALL else cell.p for cell in cells])
     found = tuple(replace(cell, p_corrected=p) for cell, p in zip(cells, corrected, strict=True))
     return StudyTable(study, name, completed_only, by, reference, tuple(parts), found)
+
+
+def _table_cell(
+    row: str, arm: str, own: pd.DataFrame, common: pd.Index[Any], base: pd.Series | None
+) -> TableCell:
+    """Return the result of an arm in a row, by its trials at their grounds, before the correction of its p-value.
+
+    Means are over the common grounds; the difference is that to the values of the reference, None for itself.
+    """
+    known = own[own["value"].notna()]
+    counted = known[known.index.isin(common)]
+    clusters = "families" if counted["families"].nunique() >= FAMILIES else "layouts"
+    difference = p = None
+    if base is not None:
+        more = (known["value"] - base.reindex(known.index)).dropna()
+        units = known.loc[more.index, clusters].tolist()
+        difference = mean_interval(more.tolist(), units)
+        p = sign_flip_p(more.tolist(), units) if units else None
+    done = own[own["status"] == "done"]
+    outcomes = done["outcome"].value_counts().to_dict() if "outcome" in done else {}
+    total = sum(outcomes.values())
+    beside = [n for n in BESIDE if total and n in counted and counted[n].notna().any()]
+    return TableCell(
+        row=row,
+        arm=arm,
+        estimate=mean_interval(counted["value"].tolist(), counted[clusters].tolist()),
+        difference=difference,
+        p=p,
+        p_corrected=None,
+        statuses=own["status"].value_counts().to_dict(),
+        outcomes=outcomes,
+        completed=share_interval(outcomes.get("completed", 0), total) if total else None,
+        falls=done["cause"].value_counts().to_dict() if total else {},
+        steps=int(_numbers(done, "steps_done").sum()) if total and "steps_done" in done else 0,
+        beside={n: float(_numbers(counted, n).mean()) for n in beside},
+        clusters=clusters,
+    )
 
 
 def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Series:
