@@ -76,6 +76,7 @@ class PreparedWalk:
 
 @lru_cache(maxsize=256)
 def prepare(
+    *,
     robot: RobotDescription,
     servo: tuple[str, ...],
     foot: Foot,

@@ -250,18 +250,17 @@ class WalkSpec(TrialSpec):
     def prepare(self) -> PreparedWalk:
         """Return the parts that do not depend on seeds; they are built once for all specs that differ only in seeds."""
         ground = self.ground()
-        stairs = ground if self.plan.stairs is not None else None
         return prepare(
-            load(self.robot),
-            self.servo,
-            self.foot_design(),
-            self.plan if self.trained is None else driven(self.plan),
-            TOE_GAIT if self.eyes == "toes" and self.gait == Gait() else self.gait,
-            self.settings(),
-            self.period,
-            self.start,
-            self.extent,
-            stairs,
+            robot=load(self.robot),
+            servo=self.servo,
+            foot=self.foot_design(),
+            plan=self.plan if self.trained is None else driven(self.plan),
+            gait=TOE_GAIT if self.eyes == "toes" and self.gait == Gait() else self.gait,
+            settings=self.settings(),
+            period=self.period,
+            start=self.start,
+            extent=self.extent,
+            stairs=ground if self.plan.stairs is not None else None,
         )
 
     def to_json(self) -> dict[str, Any]:
