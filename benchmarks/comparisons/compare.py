@@ -196,12 +196,13 @@ def read_record(printed: str) -> Record:
     return record
 
 
-def command_of(what: str, library: str, python: str, scene: Path) -> list[str]:
-    """Return the command that runs a scene with a library."""
+def command_of(what: str, library: str, python: str, scene: Path, ticks: int) -> list[str]:
+    """Return the command that runs a scene, of that number of ticks, with a library."""
     if what == "kinematics":
         return [python, str(HERE / "kinematics.py"), library, str(scene)]
     if library == OURS:
-        return [python, "-m", "wbc.app.cli", "bench", "tick", "--robot", "talos", "--json"]
+        own = ("bench", "tick", "--robot", "talos", "--ticks", str(ticks), "--json")
+        return [python, "-m", "wbc.app.cli", *own]
     return [python, str(HERE / f"balance_{library.lower()}.py"), str(scene)]
 
 
@@ -272,7 +273,7 @@ def main() -> int:
         "--ticks",
         type=int,
         default=BalanceTask.ticks,
-        help="measured ticks of PlaCo and TSID, default %(default)s",
+        help="control ticks that are measured, default %(default)s",
     )
     parser.add_argument(
         "--cache", type=Path, default=cache, help="folder of environments, default %(default)s"
@@ -293,7 +294,8 @@ def main() -> int:
             file = Path(folder) / f"{scene.robot}.json"
             scene.save(file)
             commands = {
-                name: command_of(options.what, name, python, file) for name, python in pythons.items()
+                name: command_of(options.what, name, python, file, options.ticks)
+                for name, python in pythons.items()
             }
             found[scene.robot] = rows = take_turns(commands, options.repeats, missing)
             ours = rows[OURS]["median_us"] if OURS in rows else None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -143,3 +145,10 @@ def test_the_text_of_a_benchmark_has_its_percentages(
     assert main(["bench", "tick"]) == RAN
     assert "torques up to 34 % of" in capsys.readouterr().out
     assert TASK["sagittal_amplitude"] < TASK["lateral_amplitude"]
+
+
+def test_all_libraries_of_a_comparison_are_timed_over_the_same_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks" / "comparisons"))
+    compare = importlib.import_module("compare")
+    command = compare.command_of("tick", "wbc", "python", Path("scene.json"), 17)
+    assert command[command.index("--ticks") + 1] == "17"

@@ -102,11 +102,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
     q, v, dt = start_configuration(robot), np.zeros(robot.nv), options.period
     robot.update(q, v)
     controller, com = _controller(robot, dt)
-    start_com = np.array(robot.com)
-    durations, parts = np.zeros(options.ticks), np.zeros((options.ticks, 4))
-    com_actual, com_target = np.zeros((options.ticks, 3)), np.zeros((options.ticks, 3))
-    torque_actual, active = np.zeros((options.ticks, robot.na)), np.zeros(options.ticks, dtype=int)
-    failures, preempted = 0, 0
+    start_com, ticks, preempted = np.array(robot.com), list[tuple[Any, ...]](), 0
     counts: dict[str, int] = {}
     for tick in range(-options.warm_up, options.ticks):
         offset, velocity, acceleration = sway((tick + options.warm_up) * dt)
@@ -122,16 +118,26 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         torques, accelerations = solution.torques, solution.accelerations
         stop = perf_counter_ns()
         if tick >= 0:
-            durations[tick], parts[tick] = stop - start, solution.timings
-            com_actual[tick], com_target[tick], torque_actual[tick] = robot.com, target, torques
-            active[tick] = np.count_nonzero(solution.multipliers)
-            failures += not solution.ok
+            active, off = np.count_nonzero(solution.multipliers), robot.com - target
+            ticks.append((stop - start, solution.timings, active, off, torques.copy(), solution.ok))
         if not solution.ok:
             accelerations = -v / FALL_BACK
         q = pin.integrate(robot.model, q, v * dt + 0.5 * dt * dt * accelerations)
         v = v + dt * accelerations
+    solvers = {name: count - counts.get(name, 0) for name, count in controller.solver_counts.items()}
+    return _facts(options, robot, ticks, solvers, _preemptions() - preempted)
+
+
+def _facts(
+    options: BenchTickOptions,
+    robot: Robot,
+    ticks: list[tuple[Any, ...]],
+    solvers: dict[str, int],
+    preempted: int,
+) -> dict[str, Any]:
+    """Return the figures of all ticks: time, ns, and parts, s, active limits, error of the CoM, torques, success."""
+    durations, parts, active, off, torques, ok = map(np.array, zip(*ticks, strict=True))
     names = ("model", "assembly", "solve", "decode")
-    after = controller.solver_counts
     return {
         "library": "wbc",
         "version": f"{__version__} (pin {pin.__version__})",
@@ -141,12 +147,12 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         "p99_us": round(float(np.percentile(durations, 99)) / 1e3, 2),
         "parts": dict(zip(names, np.round(1e6 * np.median(parts, axis=0), 2).tolist(), strict=True)),
         "ticks": options.ticks,
-        "failures": failures,
-        "solvers": {name: after[name] - counts.get(name, 0) for name in after},
+        "failures": int((~ok).sum()),
+        "solvers": solvers,
         "active_limits": round(float(active.mean()), 3),
-        "com_error_mm": round(1e3 * float(np.linalg.norm(com_actual - com_target, axis=1).max()), 3),
-        "torque_use": round(float(robot.torque_share(torque_actual).max()), 3),
-        "preempted": _preemptions() - preempted,
+        "com_error_mm": round(1e3 * float(np.linalg.norm(off, axis=1).max()), 3),
+        "torque_use": round(float(robot.torque_share(torques).max()), 3),
+        "preempted": preempted,
         "options": to_json(options),
     }
 
