@@ -141,14 +141,11 @@ class HeightMap:
             mine = (owner == code) | (owner == NOBODY) | (self._seen[slot] <= time)
             slot, code, z, r = slot[mine], code[mine], z[mine], r[mine]
         self._time = now = max(time, self._time)
-        age, foreign = time - self._seen[slot], self._code[slot] != code
-        seen: float | Array = time
-        if late:
-            age[foreign] = 0.0
-            newer, seen = age < 0.0, time - np.minimum(age, 0.0)
-            r -= s.wander**2 * np.minimum(age, 0.0)
-            age[newer] = 0.0
-        var = self._var[slot] + s.wander**2 * age
+        foreign = self._code[slot] != code
+        age = np.where(foreign, 0.0, time - self._seen[slot])
+        since = np.minimum(age, 0.0)  # negative for what a late frame has not seen last
+        r -= s.wander**2 * since
+        var = self._var[slot] + s.wander**2 * (age - since)
         var[foreign] = np.inf
         shift = self._difference(slot, z, var)
         if late:
@@ -164,12 +161,11 @@ class HeightMap:
         var[fresh] = 0.0
         gain = np.where(fresh, 1.0, np.where(below, 0.0, var / (var + r)))
         variance = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
-        if late:
-            newer &= fresh | below
-            gain[newer], variance[newer] = 0.0, self._var[slot[newer]]
+        newer = (since < 0.0) & (fresh | below)
+        gain[newer], variance[newer] = 0.0, self._var[slot[newer]]
         self._z[slot] = old + gain * step
         self._var[slot] = variance
-        self._code[slot], self._seen[slot] = code, seen
+        self._code[slot], self._seen[slot] = code, time - since
         self._refresh(now, slot, shift is not None)
         return shift
 
