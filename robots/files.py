@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +26,12 @@ from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
-from wbc.robots.mesh_files import mesh_folders, resolve
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
 """Endings of the files that describe a robot."""
 
-NAMED = re.compile(r"\bfile(?:name)?\s*=\s*[\"']([^\"']+)")
-"""Names of other files in an MJCF or a URDF."""
-
-FOLDERS = re.compile(r"\b(?:mesh|texture|asset)dir\s*=\s*[\"']([^\"']+)")
-"""Folders in which an MJCF looks for them."""
+NAMED = re.compile(r"\bfile(name)?\s*=\s*[\"']")
+"""Attribute of an MJCF or a URDF that names another file."""
 
 
 def is_path(name: str) -> bool:
@@ -43,34 +39,16 @@ def is_path(name: str) -> bool:
     return name.lower().endswith(ENDINGS) or "/" in name or "\\" in name
 
 
-def parts(path: Path) -> tuple[Path, ...]:
-    """Return a robot's file and all files that it names.
+def stamps(path: Path) -> tuple[tuple[tuple[int, int], ...], bool]:
+    """Return time of the last change, ns, and size, bytes, of a file and of the robot file that a TOML names.
 
-    They are the robot file of a TOML, and what an MJCF or a URDF includes or takes its meshes from. A name is looked
-    for in all folders that it may be meant for.
+    Returned as well is True if that file names others, which it includes or takes meshes from.
     """
-    found, named, folders = set[Path](), {str(path)}, [str(path.parent)]
-    while (
-        new := {at.resolve() for name in named for each in folders if (at := resolve(name, (each,)))} - found
-    ):
-        found |= new
-        for place in new:
-            if place.suffix.lower() == ".toml":
-                values = read_toml(place)
-                named.add(str(Path(str(values.get("file", ""))).expanduser()))
-                folders += [str(Path(str(each)).expanduser()) for each in values.get("package_dirs", ())]
-            elif place.suffix.lower() in ENDINGS:
-                text, here = read_xml(place, "robot file"), place.parent
-                named |= {part for name in NAMED.findall(text) for part in (name, Path(name).name)}
-                folders += [str(here / folder) for folder in FOLDERS.findall(text)]
-                folders = [*dict.fromkeys(mesh_folders(named, tuple(folders), here)[0])]
-    return tuple(found)
-
-
-def stamps(paths: Iterable[Path]) -> tuple[tuple[int, int], ...]:
-    """Return time of the last change, ns, and size, bytes, of the files that are there."""
-    found = (each.stat() for each in paths if each.is_file())
-    return tuple((each.st_mtime_ns, each.st_size) for each in found)
+    places = [path]
+    if path.suffix.lower() == ".toml" and path.is_file():
+        places.append(path.parent / Path(str(read_toml(path).get("file", ""))).expanduser())
+    found = [(each.stat().st_mtime_ns, each.stat().st_size) for each in places if each.is_file()]
+    return tuple(found), places[-1].is_file() and bool(NAMED.search(read_xml(places[-1], "robot file")))
 
 
 def read(path: str | Path) -> RobotDescription:

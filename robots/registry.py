@@ -126,15 +126,15 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
 
 
 def _read(path: Path) -> RobotDescription:
-    """Read a robot file, anew when it, or a file that it names, has changed."""
-    parts, stamps, description = _READ.get(path, ((), (), None))
-    if description is None or files.stamps(parts) != stamps:
-        parts = files.parts(path)
-        stamps = files.stamps(parts)
+    """Read a robot file, anew when it has changed, and each time where it names files that may have changed."""
+    stamps, named = files.stamps(path)
+    key: tuple[object, ...] = path, stamps
+    if named or key not in _READ:
         description = files.read(path)
-        _READ[path] = parts, stamps, description
-    return description
+        key = (*key, description.digest) if named else key
+        _READ.setdefault(key, description)
+    return _READ[key]
 
 
-_READ: dict[Path, tuple[tuple[Path, ...], tuple[tuple[int, int], ...], RobotDescription]] = {}
-"""Robot file → it and the files that it names, their stamps, and its description."""
+_READ: dict[tuple[object, ...], RobotDescription] = {}
+"""Robot file, its stamps, and the digest of one that names other files → its description."""

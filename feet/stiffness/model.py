@@ -190,13 +190,9 @@ class StiffnessModel:
     made: Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        names, rows = self.settings.features, len(self.stiffness)
-        for name, shape in {
-            "features": (rows, len(names)),
-            "stiffness": (rows,),
-            "mean": (len(names),),
-            "scale": (len(names),),
-        }.items():
+        rows, count = len(self.stiffness), len(self.settings.features)
+        shapes = {"features": (rows, count), "stiffness": (rows,), "mean": (count,), "scale": (count,)}
+        for name, shape in shapes.items():
             object.__setattr__(self, name, finite_array(name, getattr(self, name), shape))
         if rows < self.settings.neighbours or (self.scale <= 0.0).any():
             raise InputError(

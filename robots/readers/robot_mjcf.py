@@ -54,7 +54,8 @@ def fields(
         if not math.isclose(-low, high) and joint not in given_limits
     }
     shapes = shapes_mjcf.shapes(tree, moved)
-    if without := [name for name, joint in tree.joints.items() if tree.given_speed(joint) is None]:
+    speeds = tree.speeds()
+    if without := [name for name in tree.joints if name not in speeds]:
         whose = "" if len(without) == len(tree.joints) else f" of {listed(without)}"
         tree.notes.append(
             f"velocity limits{whose}: an MJCF has none; {tree_mjcf.SPEED:g} rad/s "

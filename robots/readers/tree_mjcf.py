@@ -85,15 +85,11 @@ class Tree:
         """Return True for a slide, False for a hinge."""
         return int(self.model.jnt_type[joint]) == SLIDE
 
-    def given_speed(self, joint: int) -> float | None:
-        """Return the velocity limit that the file gives a joint, rad/s or m/s; None without one."""
-        name = VELOCITY_LIMIT.format(self.joint_name(joint))
-        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
-        return None if number < 0 else float(self.model.numeric(number).data[0])
-
-    def speed(self, joint: int) -> float:
-        """Return the velocity limit of a joint, rad/s or m/s."""
-        return self.given_speed(joint) or (SLIDE_SPEED if self.slides(joint) else SPEED)
+    def speeds(self) -> dict[str, float]:
+        """Return the velocity limits that the file gives, joint → rad/s or m/s."""
+        given = {name: VELOCITY_LIMIT.format(name) for name in self.joints}
+        known = {self.model.numeric(i).name: i for i in range(self.model.nnumeric)}
+        return {n: float(self.model.numeric(known[g]).data[0]) for n, g in given.items() if g in known}
 
     def reference(self, joint: int) -> float:
         """Return the position of a joint in which the file shows the robot, rad or m."""
