@@ -316,24 +316,28 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
 
 
 def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None:
-    """Of ξ beyond the outer edge: the step after next is to where ξ is after the shortest time, from either place."""
+    """Of ξ beyond the outer edge: the step after next is to where ξ is after the shortest time, from either place.
+
+    All ways are between carrying points: what is ahead of them and what is behind them are mirror images.
+    """
     closing, found = SETTINGS.shortest - 0.05, set()
-    for ahead in (-0.08, 0.0, 0.12):
+    for ahead in (-0.12, -0.08, 0.0, 0.08, 0.12):
         for beyond in (0.03, 0.06, 0.12):
             for foot in ((-0.1, 0.15), (0.0, 0.25), (0.1, 0.4)):
                 made = decision()
                 stance = stance_at((foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
                 made._put_down_at = made._put_down(stance, (ahead, -beyond))
-                centre = (foot[0] - CONSTANTS.carrying, foot[1])
-                near, far = (place[0] - CONSTANTS.carrying for place in made._reached(stance, closing))
+                near, far = (place[0] for place in made._reached(stance, closing))
                 there = (min(max(ahead * math.exp(OMEGA * closing), near), far), SETTINGS.gap)
                 ways = []
-                for place, time in ((centre, min(closing, 0.06)), (there, closing)):
+                for place, time in ((foot, min(closing, 0.06)), (there, closing)):
                     dcm = math.exp(OMEGA * time) * np.array([ahead, -beyond])
                     after = np.array(place) + math.exp(OMEGA * SETTINGS.shortest) * (dcm - place)
                     ways.append(float(np.linalg.norm(after)))
                 if abs(ways[0] - ways[1]) > 1e-9:
                     assert made.closes == (ways[0] < ways[1]), (ahead, beyond, foot)
+                    mirrored = stance_at((-foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
+                    assert (decision()._put_down(mirrored, (-ahead, -beyond)) is not None) == made.closes
                     found.add(made.closes)
                 if made.closes:
                     assert made._put_down_at == (pytest.approx(0.11), made._reached(stance, 0.06))

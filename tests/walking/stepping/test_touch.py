@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from point_mass import SCALE
 
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.contact import GaitPhase
 from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.felt import BodyState, Felt
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings, in_si
@@ -272,3 +273,38 @@ def test_a_contact_point_is_low_passed_and_the_dcm_on_both_feet_is_that_of_the_c
     assert feeling(loaded(0.0, 0.0)).contact_point() == pytest.approx((0.0, 0.0, 0.0)), (
         "in the air, the middle"
     )
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_a_foot_goes_on_over_what_it_has_met_by_where_feet_carry_and_not_by_their_centres(
+    stance: int, yaw: float
+) -> None:
+    """Mirror images about the carrying points, one walking forward and one back, go on from the same ξ."""
+    aside = (1.0 if stance == 1 else -1.0) * SETTINGS.width
+    axes = StanceAxes(math.copysign(1.0, aside), (math.cos(yaw), math.sin(yaw)), POINT)
+
+    def world(ahead: float, left: float) -> tuple[float, float]:
+        c, s = axes.direction
+        return c * ahead - s * left, s * ahead + c * left
+
+    def begins(sign: float) -> float:
+        """Return ξ from which on a foot goes on that has met something 0.1 m behind the foot that stands, m."""
+        orbit = Orbit.of((0.1 * sign, 0.0), axes.side, SETTINGS.width, 0.6, 0.6, OMEGA)
+        landing = Footstep(SIDES[1 - stance], *world(0.6 * sign - LAW.carrying, aside), yaw=yaw)
+        touch, felt = touching(stance, 300.0)
+        felt.contact = POINT
+        felt.carrying_point = lambda side: (
+            *world(*((0.0, 0.0) if side == stance else (-0.1 * sign, aside))),
+            0.0,
+        )
+        centres = [(*world(-LAW.carrying, 0.0), 0.0)] * 2
+        centres[1 - stance] = (*world(-0.1 * sign - LAW.carrying, aside), 0.0)
+        felt.state.places = tuple(centres)
+        for xi in np.arange(0.0, 0.5, 0.002).tolist():
+            felt.dcm = Divergent(*world(sign * xi, 0.5 * aside), OMEGA)
+            if touch.rubs(axes, orbit, 0.15, landing):
+                return float(xi)
+        return math.inf
+
+    assert 0.1 < begins(1.0) == begins(-1.0) < 0.4

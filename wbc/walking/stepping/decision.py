@@ -274,9 +274,9 @@ class StepDecision:
             return math.hypot((ahead * grown - x) * growth + x, (d + beyond * grown) * growth - d)
 
         x, d = stance.axes.offset(x, y)
-        near, far = (place[0] - self._c.carrying for place in self._reached(stance, closing))
+        (near, _), (far, _) = self._reached(stance, closing)
         closed = min(max(ahead * math.exp(omega * closing), near), far)
-        if way(x, d, time) < way(closed, s.gap, closing):
+        if way(x + self._c.carrying, d, time) < way(closed, s.gap, closing):
             return stance.elapsed + time, self._reached(stance, time)
         return None
 

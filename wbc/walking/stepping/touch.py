@@ -7,7 +7,7 @@ import math
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.footsteps import Footstep, moved
 from wbc.walking.stepping.felt import ORIGIN, Felt
 from wbc.walking.stepping.law import Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import GaitValues
@@ -96,14 +96,15 @@ class SwingTouch:
         and not from here. The time that is `left` until then is in s.
         """
         c, felt, dcm = self._c, self._felt, self._felt.dcm
-        (x, y, _), (p, q, _) = felt.state.places[felt.swing], felt.contact
+        (x, y, _), (p, q, _) = felt.carrying_point(felt.swing), felt.contact
         ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
         on, out = axes.outwards(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
         if left <= 0.0 or not (ahead_of_orbit or out < 0.0):
             return False
         grown = math.exp(dcm.omega * left)
-        there = axes.outwards(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
+        u, v, _ = moved((landing.x, landing.y, landing.yaw), c.carrying, 0.0, 0.0)
+        there = axes.outwards(p + grown * (dcm.x - p) - u, q + grown * (dcm.y - q) - v)
         now = viability(ahead, -beyond, orbit, c.stretch)
         return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
 
