@@ -367,7 +367,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
-    made.decide(stance, wish, 2.0 * time, None, held=True)
+    made.decide(stance, wish, 2.0 * time, None, kept=True)
     assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
     made.decide(stance, wish, 2.0 * time, None)
     assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
@@ -382,7 +382,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     grown = math.exp(-OMEGA * 0.8 * time)
     end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
     stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
-    made.decide(stance, wish, 1.2 * time, None, held=True, climbs=True)
+    made.decide(stance._replace(climbs=True), wish, 1.2 * time, None, kept=True)
     ahead, _ = stance.axes.offset(*made.place)
     assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,7 @@ class StepState(NamedTuple):
         elapsed: Time since lift-off, s.
         swing: Place of the swing foot's centre, x and y, m, and its velocity, m/s.
         down: Time that the swing foot needs to come straight down, s.
+        climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
     """
 
     axes: StanceAxes
@@ -63,6 +65,7 @@ class StepState(NamedTuple):
     elapsed: float
     swing: tuple[float, float, float, float]
     down: float
+    climbs: bool = False
 
 
 class StepDecision:
@@ -99,7 +102,7 @@ class StepDecision:
         self.area.forget()
         self.cop = self.lagged = self._wanted = 0.0, 0.0
         self.urgency = self.missed = 0.0
-        self._decided = self._climbs = False
+        self._decided = False
         self._delayed_end: float | None = None  # end of a step for which legs need longer, s
         # When and where a foot is put down at once.
         self._put_down_at: tuple[float, tuple[Point, Point]] | None = None
@@ -114,14 +117,7 @@ class StepDecision:
         self.lagged = p + gain * (a - p), q + gain * (b - q)
 
     def decide(
-        self,
-        stance: StepState,
-        wish: Wish,
-        longest: float,
-        look: float | None,
-        *,
-        held: bool = False,
-        climbs: bool = False,
+        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, kept: bool = False
     ) -> None:
         """Decide anew; what was decided stays if the program fails.
 
@@ -130,10 +126,8 @@ class StepDecision:
             wish: Steps that are asked for.
             longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
-            held: True for a landing that is a promise: it moves only by what the next sole cannot catch.
-            climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
+            kept: True for a landing that is a promise: it moves only by what the next sole cannot catch.
         """
-        self._climbs = climbs
         c, axes, now = self._c, stance.axes, self._pendulum(stance)
         runs = (
             now.dcm[0] - now.contact[0],
@@ -143,7 +137,7 @@ class StepDecision:
         beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
         self._put_down_at = self._put_down(stance, runs) if beyond else None
         bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
-        step, bounds = self._solve(stance, now, wish, bounds, longest, held=held)
+        step, bounds = self._solve(stance, now, wish, bounds, longest, kept=kept)
         if step is None:
             if self._decided:
                 return
@@ -176,13 +170,13 @@ class StepDecision:
         )
 
     def _solve(
-        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, held: bool
+        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, kept: bool
     ) -> tuple[Step | None, Bounds]:
         """Return the step, later where legs need the time, with its bounds; None if the program fails."""
         elapsed = stance.elapsed
         solve: Callable[[Now, Wish, Bounds], Step | None] = self._program.solve
-        if held and not self.closes:
-            solve = self._keep_landing
+        if kept and not self.closes:
+            solve = partial(self._keep_landing, climbs=stance.climbs)
         step = solve(now, wish, bounds)
         if step is not None:
             later = self._time_for_legs(stance, step, now, wish, bounds, max(longest - elapsed, 0.0))
@@ -192,7 +186,7 @@ class StepDecision:
                 step = solve(now._replace(last=step.left), wish, bounds) or step
         return step, bounds
 
-    def _keep_landing(self, now: Now, wish: Wish, bounds: Bounds) -> Step | None:
+    def _keep_landing(self, now: Now, wish: Wish, bounds: Bounds, *, climbs: bool) -> Step | None:
         """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.
 
         What an offset is off the plan's grows by E within the next step. The centre of pressure, moved by as much,
@@ -205,7 +199,7 @@ class StepDecision:
             return program.solve(now, wish, bounds)
         off = [float(left) - b for left, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
         (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
-        x = 0.0 if self._climbs else _beyond(off[0], least_x, most_x)
+        x = 0.0 if climbs else _beyond(off[0], least_x, most_x)
         y = _beyond(off[1], least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
             return step
@@ -246,7 +240,7 @@ class StepDecision:
 
     def _shortest(self, stance: StepState) -> float:
         """Return the shortest time that is left of a step, s."""
-        least = max(self._s.shortest, STAIR_TIME * stance.nominal * self._climbs)
+        least = max(self._s.shortest, STAIR_TIME * stance.nominal * stance.climbs)
         return max(least - stance.elapsed, 0.0)
 
     @property
@@ -262,7 +256,7 @@ class StepDecision:
         foot that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead,
         and by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
-        if self._put_down_at is not None or self._climbs or stance.elapsed <= 0.0:
+        if self._put_down_at is not None or stance.climbs or stance.elapsed <= 0.0:
             return self._put_down_at
         s, omega, (x, y, _, _), (ahead, outwards) = self._s, stance.dcm.omega, stance.swing, runs
         closing, beyond = self._shortest(stance), -outwards

@@ -257,9 +257,7 @@ class SingleSupport:
             forward = (forward - asked.steps.made_up) * longer
             wish = steps_of_velocity((forward, left), self._width(asked), stance)
         look = None if stays else self._touch_time(asked) - self._felt.elapsed
-        self.decision.decide(
-            stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=self._climbs
-        )
+        self.decision.decide(stance, wish, self._longest(asked), look, kept=bool(footsteps))
 
     def _step_time(self, asked: Asked) -> float:
         """Return the time of the step, s: that which was decided, low-passed."""
@@ -311,6 +309,7 @@ class SingleSupport:
             elapsed=felt.elapsed,
             swing=self._swinging(),
             down=self._time_down(),
+            climbs=self._climbs,
         )
 
     def _axes(self, asked: Asked) -> StanceAxes:
