@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array, finite_array, finite_scalar, in_range, read_only
+from wbc.base.numbers import Array, finite_array, finite_scalar, in_range, lag_gain, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.frames import frame_jacobian, pose_of
 from wbc.core.qp.options import POSE_AXES, MotionOptions
@@ -68,7 +68,7 @@ class ComplianceTask(FrameTask):
     """
 
     __slots__ = (
-        "_acceleration", "_advanced", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
+        "_acceleration", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
         "_offset_position", "_offset_rotation", "_period", "_sole", "_still", "_target_rates", "_target_wrench",
         "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
     )  # fmt: skip
@@ -94,7 +94,6 @@ class ComplianceTask(FrameTask):
         self._frozen[self._choice.keep] = False
         self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
-        self._advanced = False  # in this tick, by `advance`
         if target_wrench is not None:
             self.target_wrench = target_wrench
         self._target_rates = np.zeros(self.dim), np.zeros(self.dim)
@@ -223,23 +222,19 @@ class ComplianceTask(FrameTask):
             if not math.isfinite(float(wrench.dot(wrench))):
                 raise MeasurementError(f"wrench of sole '{self.frame}' is not finite: {wrench}")
             self._measured_wrench[:] = wrench
-        self.advance(dt)
-        self._advanced = False
+        self._advance(dt)
 
     def unobserved(self, dt: float) -> None:
-        """Yield to the assigned `measured_wrench` for one control period, unless `advance` was called in this tick.
+        """Yield to the assigned `measured_wrench` for one control period.
 
         A task on a sole is refused, since its wrench comes from the measurement.
         """
-        if not self._advanced:
-            if self._sole is not None:
-                super().unobserved(dt)
-            self.advance(dt)
-        self._advanced = False
+        if self._sole is not None:
+            super().unobserved(dt)
+        self._advance(dt)
 
-    def advance(self, dt: float) -> None:
-        """Yield to `measured_wrench` for a period dt, s; `observe` calls it if the loop has measurements."""
-        self._advanced = True
+    def _advance(self, dt: float) -> None:
+        """Yield to `measured_wrench` for a period dt, s."""
         if dt != self._period:
             self._start(dt)
         if self._still and not (self._measured_wrench != self._target_wrench).any():
@@ -271,7 +266,7 @@ class ComplianceTask(FrameTask):
     def _start(self, dt: float) -> None:
         self._check_damping(self.damping, finite_scalar("control period (s)", dt, above=0.0))
         self._period = dt
-        self._gain_of_period = -math.expm1(-dt / self._time_constant) if self._time_constant > 0.0 else 1.0
+        self._gain_of_period = lag_gain(dt, self._time_constant)
 
     def _set_damping(self, damping: Array) -> None:
         self._check_damping(damping, self._period)

@@ -227,7 +227,6 @@ class StiffnessScheduler:
             landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m.
             compliance: Depth of a foot over its load, m/N (`wbc.core.estimation.sinking`).
         """
-        self._compliance = compliance
         side = None if swing is None else SIDES.index(choose("swing foot", swing, SIDES))
         # A swing that starts over on the same side is another step: hopping, or both feet down for less than a tick.
         again = side is not None and side == self._side and progress < self._progress - 0.5
@@ -247,7 +246,7 @@ class StiffnessScheduler:
             if self._record is None and progress >= self.timing.scan_from:
                 self._look(side, robot, measurement)
                 if progress >= self.timing.decide_at:
-                    self._decide(side, time_left, robot, measurement, landing)
+                    self._decide(side, time_left, robot, measurement, landing, compliance)
         return self._command.copy()
 
     def _set_standing(self, swing: int | None) -> None:
@@ -278,7 +277,13 @@ class StiffnessScheduler:
         self._scan.add(placement.translation + rotation @ self._sensor, -rotation[:, 2], reading)
 
     def _decide(
-        self, side: int, time_left: float, robot: Robot, measurement: Measurement, landing: Array | None
+        self,
+        side: int,
+        time_left: float,
+        robot: Robot,
+        measurement: Measurement,
+        landing: Array | None,
+        compliance: float,
     ) -> None:
         """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
@@ -304,7 +309,7 @@ class StiffnessScheduler:
                 there,
                 actual,
                 profile,
-                self._compliance,
+                compliance,
             )
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:
@@ -327,7 +332,7 @@ class StiffnessScheduler:
             fallback=problem,
             decision=decision,
             profile=profile,
-            compliance=self._compliance,
+            compliance=compliance,
             planned_before=time_left,
             computing=time.perf_counter() - started,
         )

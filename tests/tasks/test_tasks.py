@@ -279,6 +279,12 @@ def test_stiffness_makes_critical_damping_unless_told_otherwise(case: str) -> No
     np.testing.assert_allclose(task.damping, 3.0)
     task.damping = None
     np.testing.assert_allclose(task.damping, 20.0)
+    for given in (task.damping, task.damping.copy()):  # the same numbers, one of them as it is read
+        task.damping = None
+        task.damping = given
+        task.stiffness = 25.0
+        np.testing.assert_allclose(task.damping, 20.0)
+        task.stiffness = 100.0
 
 
 @pytest.mark.parametrize("unit", ["m", "rad", "m|rad", "kg", "N|Nm"])
@@ -344,7 +350,7 @@ def test_mask_takes_rows_in_frame_axes() -> None:
     np.testing.assert_array_equal(rows[2], drift[[0, 5]])
     assert rows[1][0] == error[0]  # that of the rotation is the twist alone
     some.measured_wrench = rng.normal(size=6)
-    some.advance(0.001)
+    some.unobserved(0.001)
     np.testing.assert_array_equal(some.compliance_velocity[[1, 2, 3, 4]], 0.0)
     assert some.compliance_velocity[[0, 5]].all()
 

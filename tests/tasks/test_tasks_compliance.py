@@ -142,7 +142,7 @@ def test_impedance_law_in_closed_form() -> None:
     task.measured_wrench = [force, 0.0, force, 0.0, 0.0, 0.0]
     pole = np.sqrt(spring / mass)
     for tick in range(1, 8001):
-        task.advance(dt)
+        task.observe(measurement(robot, task.measured_wrench), dt)
         t, settled = tick * dt, force / spring
         if tick % 2000 == 0:
             lag = settled * (1.0 - np.exp(-t * spring / damper))
@@ -174,7 +174,7 @@ def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_
             np.testing.assert_allclose(damper * velocity + spring * place, error, atol=1e-9)
             np.testing.assert_allclose(damper * acceleration + spring * velocity, rate, atol=1e-9)
         task.measured_wrench = wrench
-        task.advance(dt)
+        task.unobserved(dt)
     assert np.abs(task.offset_vector()[[0, 1, 2, 5]]).min() > 1e-5
 
 
@@ -201,7 +201,7 @@ def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: 
     task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
     furthest = max(force * 400 * dt / damper if spring == 0.0 else force / spring, 1e-9)
     for _ in range(400):
-        task.advance(dt)
+        task.unobserved(dt)
         assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
     if spring == 1e6:
         np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
@@ -246,7 +246,7 @@ def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None
     for wrench in (np.full(6, 500.0), np.full(6, -500.0)):
         task.measured_wrench = wrench
         for _ in range(800):
-            task.advance(0.001)
+            task.observe(measurement(robot, task.measured_wrench), 0.001)
             assert np.all(np.abs(task.compliance_velocity) <= np.repeat([0.05, 0.2], 3) + 1e-12)
             assert np.all(np.abs(task.offset_vector()) <= np.repeat([0.01, 0.02], 3) * 1.01)
         np.testing.assert_allclose(np.abs(task.offset_vector()), np.repeat([0.01, 0.02], 3), rtol=0.02)
@@ -268,7 +268,7 @@ def test_a_law_gets_the_filtered_wrench_error_and_its_derivative() -> None:
         task.bind(robot)
         task.measured_wrench = 2.0 * step
         for tick in range(1, 11):
-            task.advance(dt)
+            task.observe(measurement(robot, task.measured_wrench), dt)
             left = np.exp(-tick * dt / time_constant) if time_constant else 0.0
             np.testing.assert_allclose(task.seen[0], step * (1.0 - left), atol=1e-12)
             np.testing.assert_allclose(
@@ -290,11 +290,11 @@ def test_a_bound_of_the_offset_stops_the_frame_at_the_bound_whatever_its_speed()
         task.bind(robot)
         task.measured_wrench = sign * np.array([500.0, 0.0, 0.0, 0.0, 0.0, 500.0])
         for tick in range(1, 11):
-            task.advance(0.01)  # 5 mm a period
+            task.observe(measurement(robot, task.measured_wrench), 0.01)  # 5 mm a period
             expected = sign * min(0.005 * tick, 0.03)
             np.testing.assert_allclose(task.offset_vector(), [expected, 0, 0, 0, 0, 0], atol=1e-12)
         task.measured_wrench = -task.measured_wrench
-        task.advance(0.01)
+        task.observe(measurement(robot, task.measured_wrench), 0.01)
         np.testing.assert_allclose(task.offset_vector()[0], sign * 0.025, atol=1e-12)
 
 
@@ -305,7 +305,7 @@ def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
     task.bind(robot)
     task.measured_wrench = wrench = np.array([200.0, -100.0, 50.0, 300.0, 500.0, -700.0])
     for _ in range(round(seconds / dt)):
-        task.advance(dt)
+        task.observe(measurement(robot, task.measured_wrench), dt)
     screw = pin.exp6(pin.Motion(1e-3 * seconds * wrench))
     np.testing.assert_allclose(task.offset.homogeneous, screw.homogeneous, atol=1e-4)
 

@@ -27,6 +27,9 @@ from wbc.core.qp.task import Drives, Task, VariableTask
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
+NO_TORQUES: tuple[Array | None, bool] = (None, False)
+"""Commanded torques, shape (na,), Nm, None before the first tick, and True for others than those of the solution."""
+
 
 class Controller(Items):
     """Whole-body controller of one robot: `add` tasks, contacts and limits; `solve` the QP of each tick.
@@ -72,10 +75,7 @@ class Controller(Items):
         self.measured = robot
         self.drives: Drives | None = None
         self._torques: Array | None = None  # of the last solution
-        # Commanded in the last tick and in the one before, and True for others than those of the solution.
-        self._commanded: Array | None = None
-        self._before: Array | None = None
-        self._differs = self._differed = False
+        self._commanded = self._before = NO_TORQUES  # in the last tick, and in the one before
         self._close_chains()
         self._rebuild()
 
@@ -164,7 +164,7 @@ class Controller(Items):
         if self._dirty:
             self._rebuild()
         self._move_targets()
-        self._before, self._differed = self._commanded, self._differs
+        self._before = self._commanded
         assembly, solver = self._assembly, self._solver
         for task in assembly.listening:
             if measurement is None:
@@ -183,7 +183,7 @@ class Controller(Items):
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             if self.robot.passive.size:  # zero up to the solver's tolerance
                 torques[self.robot.passive] = 0.0
-            self._commanded, self._differs = torques, False
+            self._commanded = torques, False
             residual = assembly.residuals(x, solver.values, assembly.targets)
             multipliers = solver.multipliers
         else:
@@ -225,11 +225,12 @@ class Controller(Items):
             wrenches: Name of a contact → wrench that replaces that of the solution, in the contact frame, N and Nm;
                 None for none.
         """
-        if not (wrenches or self._differed):
+        before, differed = self._before
+        if not (wrenches or differed):
             return solution.torques
         torques = self._with(solution, wrenches) if wrenches else solution.torques
-        torques = self._assembly.kept(torques, self._dt, self._before, self.released)
-        self._commanded, self._differs = torques, bool(wrenches) or bool((torques != solution.torques).any())
+        torques = self._assembly.kept(torques, self._dt, before, self.released)
+        self._commanded = torques, bool(wrenches) or bool((torques != solution.torques).any())
         return torques
 
     def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
@@ -260,8 +261,8 @@ class Controller(Items):
             contact.reset()
         if self._dirty or self._solution is not None:
             self._rebuild()
-        self._torques = self._commanded = self._solution = None
-        self._differs = False
+        self._torques = self._solution = None
+        self._commanded = self._before = NO_TORQUES
 
     # ---- explanations -------------------------------------------------------------------------------------------
 
