@@ -160,7 +160,8 @@ def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_
     """Mass · a + damper · v + spring · x = error; without a mass its derivative, damper · a + spring · v = rate."""
     rng, dt = np.random.default_rng(3), 0.005
     task = ImpedanceTask("palm", mass=mass, spring=(300.0, 20.0), damper=(50.0, 3.0), offset_bound=None)
-    task.bind(robot_with_palm())
+    robot = robot_with_palm()
+    task.bind(robot)
     for wrench in rng.normal(scale=[5, 5, 5, 0, 0, 0.1], size=(20, 6)):  # turned about one axis alone
         error, rate = rng.normal(size=(2, 6)) * [1, 1, 1, 0, 0, 1]
         velocity, acceleration = task.comply(error, rate, dt)
@@ -173,8 +174,7 @@ def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_
         else:
             np.testing.assert_allclose(damper * velocity + spring * place, error, atol=1e-9)
             np.testing.assert_allclose(damper * acceleration + spring * velocity, rate, atol=1e-9)
-        task.measured_wrench = wrench
-        task.unobserved(dt)
+        task.observe(measurement(robot, wrench), dt)
     assert np.abs(task.offset_vector()[[0, 1, 2, 5]]).min() > 1e-5
 
 
@@ -197,11 +197,12 @@ def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: 
         spring=(spring, 1.0),
         damper=(damper if mass == 0.0 or spring == 0.0 else 2.0 * np.sqrt(mass * spring), 1.0),
     )
-    task.bind(robot_with_palm())
-    task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
+    robot = robot_with_palm()
+    task.bind(robot)
+    seen = measurement(robot, np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0]))
     furthest = max(force * 400 * dt / damper if spring == 0.0 else force / spring, 1e-9)
     for _ in range(400):
-        task.unobserved(dt)
+        task.observe(seen, dt)
         assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
     if spring == 1e6:
         np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
