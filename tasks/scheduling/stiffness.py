@@ -300,17 +300,8 @@ class StiffnessScheduler:
         elif problem is None or not self.policy.needs_scan:
             position = np.array(robot.placement(self._frames[side]).translation)
             there = position if landing is None else np.array(landing)
-            swing = SwingScan(
-                SIDES[side],
-                self._count,
-                measurement.time,
-                time_left,
-                position,
-                there,
-                actual,
-                profile,
-                compliance,
-            )
+            now, foot = measurement.time, SIDES[side]
+            swing = SwingScan(foot, self._count, now, time_left, position, there, actual, profile, compliance)
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:
             stiffness = decision.stiffness

@@ -169,15 +169,9 @@ class Stabilizer:
                 self.feet.hold()
             else:
                 self.feet.update(self._wrench.tolist(), feet.wrenches.tolist(), contact, dt)
+        turned = self.feet.correction(0), self.feet.correction(1)
         return StabilizerOutput(
-            errors,
-            acceleration,
-            net,
-            desired_zmp,
-            measured_zmp,
-            feet,
-            (self.feet.correction(0), self.feet.correction(1)),
-            self._in_air,
+            errors, acceleration, net, desired_zmp, measured_zmp, feet, turned, self._in_air
         )
 
     def _update_in_air(self, wrenches: Sequence[Vector]) -> None:

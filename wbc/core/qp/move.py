@@ -52,11 +52,7 @@ class Coordinates:
 
 
 class RotationCoordinates(Coordinates):
-    """Rotations as rotation vectors from the first one, along the fixed axes, rad.
-
-    A straight way of such a vector between two rotations is not the least turn between them, unless all axes are
-    parallel, and can be a long way round.
-    """
+    """Rotations as rotation vectors from the first one, along the fixed axes, rad."""
 
     def __init__(self, base: Array, check: Callable[[Any], Array]) -> None:
         """Begin at a rotation, shape (3, 3); see `Coordinates`."""
@@ -66,7 +62,7 @@ class RotationCoordinates(Coordinates):
     def of(self, target: Any, before: Array) -> Array:
         """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest.
 
-        A way there of more than half a turn is an `InputError`.
+        A way there of more than half a turn is an `InputError`: unless all axes are parallel, it is not the least one.
         """
         vector = _nearest_turn(self._turn_to(self._check(target), before), before)
         way = [pin.exp3(place) for place in np.linspace(before, vector, SAMPLES)]
