@@ -137,16 +137,8 @@ def arrivals(journal: str | Path = "hypotheses") -> str:
     return markdown(["sole", "arrived", "more than on rigid, %", "p", *corrections], rows)
 
 
-def ramp(journal: str | Path = "hypotheses") -> str:
-    """Return walks, arrivals and the worth of a known stiffness on grounds that begin with a ramp."""
-    return "\n\n".join((soles(SOLES, journal), arrivals(journal), oracle(journal)))
-
-
 def authority(journal: str | Path = "authority") -> str:
-    """Return falls within five steps over the edge that the grounds of version 8 begin with, of 680 walks a sole.
-
-    Below them stands the worth of a known stiffness.
-    """
+    """Return falls within five steps over the edge that the grounds of version 8 begin with, of 680 walks a sole."""
     table = walks(journal)
     own = table[table["foot_changes"].map(len).eq(0) & table["seed"].lt(1000)]
     early = own[own["fell"] & own["steps"].le(5)].groupby("sole").size()
@@ -154,8 +146,7 @@ def authority(journal: str | Path = "authority") -> str:
         [arm, f"{early.get(arm, 0)} of {own['sole'].eq(arm).sum()}", f"{falls(own, arm, 'forward')[0]:.1f}"]
         for arm in SOLES
     ]
-    early_falls = markdown(["sole", "fell within five steps", "forward falls per 1,000 steps"], rows)
-    return f"{early_falls}\n\n{oracle(journal, 20)}"
+    return markdown(["sole", "fell within five steps", "forward falls per 1,000 steps"], rows)
 
 
 def damping(journal: str | Path = "authority") -> str:
@@ -357,11 +348,6 @@ def dataset(journal: str | Path = "dataset") -> str:
     return comparison(dataset_of(journal), ("KNN 10, paper's features (paper)", "largest class"))
 
 
-def extremes(journal: str | Path = "extremes") -> str:
-    """Return what oracles of the place do over 80 and over 2000 Nm/rad between extremes of the ground."""
-    return f"{patchwork(journal)}\n\n{patchwork(journal, 'soft, 2000')}"
-
-
 TABLES: dict[str, Callable[..., str]] = {
     "table2": table2,
     "held_out": held_out,
@@ -372,11 +358,13 @@ TABLES: dict[str, Callable[..., str]] = {
     "table4_frizza": partial(table4, journal="table4_frizza"),
     "fig5": fig5,
     "fig5_frizza": partial(fig5, journal="fig5_frizza"),
-    "authority_ramp": ramp,
-    "authority": authority,
+    "authority_ramp": lambda journal="hypotheses": "\n\n".join(
+        (soles(SOLES, journal), arrivals(journal), oracle(journal))
+    ),
+    "authority": lambda journal="authority": f"{authority(journal)}\n\n{oracle(journal, 20)}",
     "damping": damping,
     "oracle": patchwork,
-    "extremes": extremes,
+    "extremes": lambda journal="extremes": f"{patchwork(journal)}\n\n{patchwork(journal, 'soft, 2000')}",
     "learnt_ramp": learnt,
     "phase": partial(
         soles,

@@ -221,11 +221,10 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     robot = cast(Robot, tick.estimate)
     group, estimated = signals.group, TickPart(lambda t: t.estimate)
 
-    def base(state: Callable[[Tick], Any], name: str) -> None:
-        pose: Read = lambda t: state(t).q[:7]  # noqa: E731
-        _add_motion(signals, name, "base", "base frame", pose, lambda t: state(t).v[:6])
+    def base(state: TickPart[Any], name: str) -> None:
+        _add_motion(signals, name, "base", "base frame", state(lambda s: s.q[:7]), state(lambda s: s.v[:6]))
 
-    base(lambda t: t.estimate, "base/estimated")
+    base(estimated, "base/estimated")
     group("com/estimated", XYZ, "m", "world", estimated(lambda r: r.com))
     group("com/estimated_velocity", XYZ, "m/s", "world", estimated(lambda r: r.com_velocity))
     for foot, sole in zip(foot_names(robot), robot.soles, strict=True):
@@ -233,7 +232,7 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
         pose = estimated(lambda r, frame: pin.SE3ToXYZQUAT(r.data.oMf[frame]), frame)
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
-        base(lambda t: t.drives, "base/commanded")
+        base(TickPart(lambda t: t.drives), "base/commanded")
     if robot.soles:
         balance = TickPart(cached(_balance))
         own = balance(lambda b: b[0])
