@@ -115,7 +115,7 @@ class Terrain:
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
         self._check_size()
-        len(self.surface_areas)  # they are read, and so checked
+        _ = self.surface_areas  # they are read, and so checked
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields alone: the surface is built again."""
@@ -135,9 +135,8 @@ class Terrain:
     @property
     def gives(self) -> bool:
         """True if the ground gives somewhere."""
-        return self.floor_stiffness is not None or any(
-            area.name == "stiffness" for area in self.surface_areas
-        )
+        areas = {area.name for area in self.surface_areas}
+        return self.floor_stiffness is not None or "stiffness" in areas
 
     @cached_property
     def surface_areas(self) -> tuple[Area, ...]:

@@ -192,11 +192,7 @@ class WalkTrial(Trial[Any, WalkResult]):
             **figures,
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=self.drives.failures,
-            notes=(
-                *self._prepared.notes,
-                *self._relieved(),
-                *(self._pushes.not_begun if outcome == "completed" else ()),
-            ),
+            notes=self._notes(outcome),
             clock=WallClock(
                 wall_s=time.perf_counter() - self._begin,
                 real_time_factor=self.real_time_factor,
@@ -206,10 +202,12 @@ class WalkTrial(Trial[Any, WalkResult]):
             ),
         )
 
-    def _relieved(self) -> list[str]:
-        """Return why a guard has relieved its policy, if it has."""
+    def _notes(self, outcome: str) -> tuple[str, ...]:
+        """Return what made the walk walkable, why a guard relieved its policy, and which pushes have not begun."""
         reason = self.control.relieved if isinstance(self.control, PolicyGuard) else ""
-        return [f"the policy was relieved: {reason}"] if reason else []
+        relieved = [f"the policy was relieved: {reason}"] if reason else []
+        pushes = self._pushes.not_begun if outcome == "completed" else ()
+        return (*self._prepared.notes, *relieved, *pushes)
 
     def _heading(self) -> float:
         """Return the true heading of the pelvis, rad."""
