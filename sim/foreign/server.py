@@ -36,7 +36,7 @@ class RobotWire(Protocol):
 class RobotServer:
     """Server that runs a simulated robot in real time.
 
-    Until the first command its servos hold the posture, as if the robot was in a rack. A command that is refused and a
+    Until the first command its servos hold the posture, as if the robot was in a rack. A command of bad values and a
     request for damping leave the robot in the rack.
 
     Attributes:
