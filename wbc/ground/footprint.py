@@ -156,45 +156,29 @@ class Footprint:
         `allowed` is asked with the coordinates of a place in the world, m; `cost` adds to that of the distance. If
         high edges leave none nearby that holds the sole, one further along is taken that does.
         """
-        if not self.settings.choice:
+        s, turn = self.settings, complex(math.cos(yaw), math.sin(yaw))
+        if not s.choice:
             return self.support(ground, x, y, yaw)
-        near, held = self._choose(self._wide[0], ground, (x, y, yaw), allowed, cost, strict=False)
-        if near is None or held:
-            return near
-        return self._choose(self._wide[1], ground, (x, y, yaw), allowed, cost, strict=True)[0] or near
 
-    def _choose(
-        self,
-        lattice: _Lattice,
-        ground: Heights,
-        at: tuple[float, float, float],
-        allowed: Callable[[float, float], bool],
-        cost: Cost | None,
-        *,
-        strict: bool,
-    ) -> tuple[Support | None, bool]:
-        """Return the ground at the cheapest place of a lattice about a place and heading, and if it holds the sole.
+        def choose(lattice: _Lattice, strict: bool) -> tuple[Support | None, bool]:
+            """Return the cheapest place of a lattice, of those that hold the sole if `strict`, and if it does."""
+            low, moves = self._low(ground, lattice.nodes, x, y, yaw), lattice.moves
+            soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
+            hanging = (soles < top[:, None] - HIGH).mean(axis=1)  # or in the shadow of the edge
+            holds = ((hanging <= HANGING) & (spread <= HIGH)) | (low[low > NOTHING] >= low.max() - HIGH).all()
+            usable = ((soles > NOTHING).mean(axis=1) >= s.least_known) & (holds | (not strict))
+            moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
+            if cost is not None:
+                moving += cost(moves)
+            costs = s.tilt_cost * self._mean_tilt(soles, top) + s.edge * spread + moving
+            for k in np.argsort(np.where(usable, costs, np.inf), kind="stable").tolist():
+                place = complex(complex(x, y) + turn * moves[k])
+                if usable[k] and (moves[k] == 0.0 or allowed(place.real, place.imag)):
+                    return self._support(soles[k], float(top[k]), place.real, place.imag), bool(holds[k])
+            return None, False
 
-        With `strict` only places that hold it are tried.
-        """
-        s, (x, y, yaw), moves = self.settings, at, lattice.moves
-        low = self._low(ground, lattice.nodes, x, y, yaw)
-        soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
-        hanging = (soles < top[:, None] - HIGH).mean(axis=1)  # or in the shadow of the edge
-        holds = ((hanging <= HANGING) & (spread <= HIGH)) | (low[low > NOTHING] >= low.max() - HIGH).all()
-        usable = (soles > NOTHING).mean(axis=1) >= s.least_known
-        if strict:
-            usable &= holds
-        moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
-        if cost is not None:
-            moving += cost(moves)
-        costs = s.tilt_cost * self._mean_tilt(soles, top) + s.edge * spread + moving
-        turn = complex(math.cos(yaw), math.sin(yaw))
-        for k in np.argsort(np.where(usable, costs, np.inf), kind="stable").tolist():
-            place = complex(complex(x, y) + turn * moves[k])
-            if usable[k] and (moves[k] == 0.0 or allowed(place.real, place.imag)):
-                return self._support(soles[k], float(top[k]), place.real, place.imag), bool(holds[k])
-        return None, False
+        near, held = choose(self._wide[0], strict=False)
+        return near if near is None or held else choose(self._wide[1], strict=True)[0] or near
 
     def highest(self, ground: Heights, places: Places, yaw: float) -> float:
         """Return the highest ground under a sole at any of some places x + iy, m; −inf where nothing is known."""
