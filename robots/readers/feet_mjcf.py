@@ -12,9 +12,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc.base.errors import ModelError, unknown_name
+from wbc.base.errors import ModelError, shown, unknown_name
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.frames import Sole, yaw_rotation
+from wbc.core.frames import FrameDescription, Sole, yaw_rotation
 from wbc.robots.derivation.soles import SLICE, footprint, no_sole, plausible, points_of
 from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.shapes_mjcf import kind_of, vertices_of
@@ -38,20 +38,30 @@ class FootGeoms:
 
 def find_soles(
     tree: Tree,
-    names: tuple[str | None, str | None],
+    given: tuple[str | FrameDescription | None, str | FrameDescription | None],
     size: tuple[float, float] | None,
+    _: pin.Model,
     turn: float,
 ) -> tuple[tuple[Sole, Sole], list[str]]:
     """Return the soles, and a note for each rule that was used.
 
-    Feet are named by body, site or geom; None for the two lowest ends of limbs. `size` is length and width, m, from the
-    geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks, rad.
+    Feet are given whole, or named by body, site or geom; None for the two lowest ends of limbs. `size` is length and
+    width, m, from the geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks,
+    rad.
     """
+    left, right = given
+    if isinstance(left, Sole) and isinstance(right, Sole):
+        return (left, right), []
+    if isinstance(left, FrameDescription) or isinstance(right, FrameDescription):
+        raise ModelError(
+            "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
+            f"{shown(left)} and {shown(right)}"
+        )
     finder = _Finder(tree, turn)
-    named = [None if name is None else finder.named(name) for name in names]
+    named = [None if name is None else finder.named(name) for name in (left, right)]
     found = finder.lowest([foot.body for foot in named if foot])
-    left, right = (foot or found.pop(0) for foot in named)
-    return (finder.sole("left_foot", left, size), finder.sole("right_foot", right, size)), finder.notes
+    one, other = (foot or found.pop(0) for foot in named)
+    return (finder.sole("left_foot", one, size), finder.sole("right_foot", other, size)), finder.notes
 
 
 class _Finder:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-import pinocchio as pin
 
-from wbc.base.errors import ModelError, shown
-from wbc.core.frames import FrameDescription, Sole
-from wbc.robots.derivation.complete import Read, SoleFinder, complete
-from wbc.robots.derivation.defaults import Soles
+from wbc.base.errors import ModelError
+from wbc.core.frames import FrameDescription
+from wbc.robots.derivation.complete import Read, complete
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
@@ -42,6 +41,7 @@ def fields(
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
     model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
+    soles = left_sole, right_sole
     tree, chains, idle = _tree_of(model, root, options.pop("lock", None) or {}, fixed)
     drives = drives_mjcf.read_drives(tree)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
@@ -79,8 +79,8 @@ def fields(
         provenance or where,
         tree.notes,
         fixed,
-        _sole_finder(tree, left_sole, right_sole, sole_size) if feet and not fixed else None,
-        named=left_sole is not None or right_sole is not None,
+        partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
+        named=soles != (None, None),
         postures=drives_mjcf.keyframes(tree),
         loops=closures,
         passive=tuple(idle),
@@ -113,27 +113,6 @@ def _tree_of(
     chains = chains_mjcf.find_chains(tree)
     tree.ties += [chain.number for chain in chains]
     return tree, chains, sorted(moved_along & chains_mjcf.joints_of(tree, chains))
-
-
-def _sole_finder(
-    tree: Tree,
-    left: str | FrameDescription | None,
-    right: str | FrameDescription | None,
-    size: tuple[float, float] | None,
-) -> SoleFinder:
-    """Return the finder of soles that are given, by name or whole, or at the ends of the lowest limbs."""
-
-    def find(_: pin.Model, turn: float) -> tuple[Soles, list[str]]:
-        if isinstance(left, Sole) and isinstance(right, Sole):
-            return (left, right), []
-        if isinstance(left, FrameDescription) or isinstance(right, FrameDescription):
-            raise ModelError(
-                "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
-                f"{shown(left)} and {shown(right)}"
-            )
-        return feet_mjcf.find_soles(tree, (left, right), size, turn)
-
-    return find
 
 
 def _model_name(model: Any) -> str:
