@@ -70,8 +70,7 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
     arches = [arm for arm in values.columns if "arch" in arm]
     found = corrected({arm: gain(values, arm, "rigid", "terrain")[1] for arm in arches})
     readme = (STUDIES.parents[2] / "README.md").read_text(encoding="utf-8")
-    row = next(line for line in readme.splitlines() if "softer sole" in line)
-    assert "17 [9, 26] %" in row and "(p = 0.04)" in row
+    assert any("17 [9, 26]" in line and "(p = 0.04)" in line for line in readme.splitlines())
     assert len(arches) == 8 and found["long arch, 5"] == pytest.approx(0.018, abs=0.002)
     every = corrected(
         {arm: gain(values, arm, "rigid", "terrain")[1] for arm in values.columns if arm != "rigid"}

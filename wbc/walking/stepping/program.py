@@ -8,6 +8,9 @@ carrying point of the stance foot, with the DCM ξ, the contact point z and the 
     s2 + b2 = E b1
     min  |s − s*|² + c_τ (τ/τ* − 1)² + c_b |b − b*|² + c_d |d|²
 
+The equations of s1 and s2 are those ahead; outwards their b0 and b1 on the right have the opposite sign, as outwards is
+the other side in the next step.
+
 17 unknowns: three steps s from foot to foot, shifts d of the centre of pressure in this step and in the next, the time
 as τ/τ*, and the offsets b of ξ from the feet that land. s* are the steps that are asked for, b* and τ* those of their
 orbit. s, d and τ are bounded: by the reach of the legs, by the supported area of the sole
