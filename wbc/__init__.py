@@ -7,7 +7,14 @@ that first programs need. They are listed in `__init__.pyi` and imported at thei
 `wbc.app`.
 """
 
+import os
+
 import lazy_loader
+
+if os.environ.get("MUJOCO_GL"):
+    from wbc.base.drawing import check_opengl
+
+    check_opengl()
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

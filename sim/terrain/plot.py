@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.base.drawing import import_matplotlib
 from wbc.base.files import save_figure
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
@@ -77,6 +78,7 @@ def example_terrain(name: str) -> Terrain:
 
 
 def _figure(width: float, height: float) -> Figure:
+    import_matplotlib()
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
 
     return Figure(figsize=(width, height), layout="constrained")

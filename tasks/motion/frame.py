@@ -337,7 +337,10 @@ class LookAtTask(FrameTask):
 
     @property
     def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow."""
+        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow.
+
+        The point of a frame that is followed may be assigned as it is read: the frame is followed on.
+        """
         if self._followed_id is not None:
             return read_only(self._data.oMf[self._followed_id].translation)
         point: Array = super().target
@@ -349,6 +352,8 @@ class LookAtTask(FrameTask):
             followed = None if self._robot is None else self._robot.frame_id(value)
             self._take_over()
             self._followed, self._followed_id = value, followed
+            return
+        if self._followed_id is not None and np.may_share_memory(value, self.target):
             return
         FrameTask.target.fset(self, value)  # type: ignore[attr-defined]
         self._followed = self._followed_id = None

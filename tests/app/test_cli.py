@@ -131,3 +131,4 @@ def test_commands_run_where_python_leaves_docstrings_out() -> None:
     words = [sys.executable, "-OO", "-m", "wbc", "walk", "--help"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "Stiffness of soft or variable soles" in " ".join(done.stdout.replace("│", " ").split())

@@ -17,6 +17,9 @@ from wbc.app.log.stances import sole_sizes
 from wbc.app.log.writer import LogWriter
 from wbc.app.repeat import first_difference, interventions_of, recorded_walk
 from wbc.base.errors import InputError
+from wbc.feet.stiffness.model import DEFAULT_MODEL
+from wbc.robots import load
+from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.trial import Trial
 
 LEVEL = ["--terrain", "flat", "--foot", "flat", "--noise", "none"]
@@ -94,6 +97,35 @@ def written(path: Path, header: dict[str, Any], change: str | None = None) -> Lo
     writer.commit([change])
     writer.close()
     return Log.open(path)
+
+
+def test_a_walk_is_repeated_with_the_files_that_it_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its own folder, from one without the file, and from one whose file of that name is another."""
+    here, other = tmp_path / "here", tmp_path / "other"
+    text = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text()
+    texts = {here: text, other: text.replace('mass="14"', 'mass="15"')}
+    for folder, text in texts.items():
+        folder.mkdir()
+        (folder / "my.xml").write_text(text)
+    (here / "my.json").write_bytes(DEFAULT_MODEL.read_bytes())
+    monkeypatch.chdir(here)
+    reads: dict[str, Any] = {"foot": "variable", "policy_params": {"path": "my.json"}}
+    spec = WalkSpec(robot="my.xml", plan=WalkPlan(distance=0.1), **reads)
+    plain = spec.to_json()
+    for folder, header in (
+        (here, {}),
+        (tmp_path, {"folder": str(here)}),
+        (other, {"folder": str(here)}),
+        (other, {}),
+    ):
+        log = written(here / "walk.arrow", {"spec": plain, **header})
+        monkeypatch.chdir(folder)
+        repeated, _ = recorded_walk(log)
+        assert load(repeated.robot).digest == load(spec.robot if folder == here else f"{here}/my.xml").digest
+        policy = str(dict(repeated.policy_params)["path"]).partition("#")[0]
+        assert policy == ("my.json" if folder == here else str(here / "my.json"))
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from wbc.app.log.writer import LogWriter
 from wbc.app.repeat import RepeatWalk
 from wbc.app.replay import film
 from wbc.app.view import meshcat_server
+from wbc.base import drawing
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
 from wbc.sim import WalkSpec
@@ -201,7 +202,11 @@ def test_a_film_that_cannot_be_drawn_says_why(
         raise error
 
     monkeypatch.setattr(film, "Renderer", fail)
+    monkeypatch.setattr(drawing, "advice", lambda: "")
     with pytest.raises(film.RenderError, match=said):
+        film.renderer(mujoco.MjSpec().compile(), 16, 16)
+    monkeypatch.setattr(drawing, "advice", lambda: "unset MUJOCO_GL")
+    with pytest.raises(film.RenderError, match="unset MUJOCO_GL"):
         film.renderer(mujoco.MjSpec().compile(), 16, 16)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -79,6 +80,52 @@ def test_slow_libraries_are_loaded_when_they_are_asked_for(program: str, unasked
     end = f"loaded = {unasked!r} & set(sys.modules); assert not loaded, loaded"
     done = subprocess.run(
         [sys.executable, "-c", f"{program}\n{end}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+SIMULATES = """
+import wbc, mujoco
+wbc.Plant("hrp4_class").step(wbc.Plant("hrp4_class").hold())
+from wbc.app.replay.film import RenderError, renderer
+try:
+    renderer(mujoco.MjSpec().compile(), 16, 16)
+except RenderError as error:
+    assert VALUE in str(error), error
+else:
+    raise SystemExit("it draws")
+"""
+DRAWS = """
+import io
+from wbc.app.plot.style import new_figure
+from wbc.sim.terrain.plot import _figure
+for make in (new_figure, _figure):
+    make(1.0, 1.0).savefig(io.BytesIO())
+import matplotlib, os
+assert os.environ["MPLBACKEND"] == VALUE
+assert (matplotlib.rcParams["backend"] == VALUE) == (VALUE == "svg")
+"""
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "program"),
+    [
+        ("MUJOCO_GL", "nonsense", SIMULATES),
+        ("MUJOCO_GL", "wgl" if sys.platform != "win32" else "cgl", SIMULATES),
+        ("MPLBACKEND", "Qt4Agg", DRAWS),
+        ("MPLBACKEND", "svg", DRAWS),
+    ],
+)
+def test_a_variable_that_does_not_fit_stops_no_simulation_and_no_file(
+    variable: str, value: str, program: str
+) -> None:
+    """Shell profiles and notebooks set them for programs that draw in windows."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"VALUE = {value!r}\n{program}"],
+        env={**os.environ, variable: value},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 

@@ -74,8 +74,6 @@ def test_a_foot_stays_until_the_other_one_has_stood_for_the_double_support() -> 
     ):
         with pytest.raises(InputError, match=times):
             always_standing(stood(*spans), RATE)
-    with pytest.raises(InputError, match="0.00 s to 0.05 s"):
-        always_standing(stood(count=5), RATE)  # a clip without any contact, however short
 
 
 SQUARE = np.array([(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.05, 0.05)])

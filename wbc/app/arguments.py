@@ -5,8 +5,11 @@ cyclopts converts the words of an option by the type of its field; the settings 
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
+import sys
+import textwrap
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -152,9 +155,20 @@ def attribute_docs(kind: type) -> dict[str, str]:
         if not is_dataclass(cls):
             continue
         found |= {each.name: found.get(each.name, "") for each in fields(cls)}
-        for each in docstring_parser.parse(cls.__doc__ or "").params:
+        for each in docstring_parser.parse(_docstring(cls)).params:
             found[each.arg_name] = " ".join((each.description or "").split())
     return found
+
+
+def _docstring(cls: type) -> str:
+    """Return the docstring of a class, from its source where Python has left it out (`python -OO`)."""
+    if sys.flags.optimize < 2:
+        return cls.__doc__ or ""
+    try:
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+        return ast.get_docstring(definition) or ""  # type: ignore[arg-type]
+    except (OSError, SyntaxError, TypeError, ValueError):  # there is no source
+        return ""
 
 
 def _paths(kind: type) -> list[str]:

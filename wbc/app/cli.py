@@ -10,9 +10,10 @@ import signal
 import sys
 import threading
 import traceback
+import typing
 from collections.abc import Iterator, Sequence
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentError, Parameter
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
@@ -98,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
-        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        print(f"wbc: {_one_line(error)}{_hint(error)}", file=sys.stderr)
         return BAD_INPUT
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
@@ -130,6 +131,17 @@ def _end(number: int, frame: object) -> None:
     """End with the exit code of a program that a signal ends."""
     del frame
     raise SystemExit(128 + number)
+
+
+def _hint(error: BaseException) -> str:
+    """Return the choices of an option without a value, or nothing."""
+    if not isinstance(error, MissingArgumentError) or error.argument is None:
+        return ""
+    hints = (error.argument.hint, *typing.get_args(error.argument.hint))
+    choices = [
+        f'"{each}"' for hint in hints if typing.get_origin(hint) is typing.Literal for each in hint.__args__
+    ]
+    return f" Choose from: {', '.join(choices)}." if choices else ""
 
 
 def _one_line(error: BaseException) -> str:

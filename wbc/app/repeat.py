@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,12 @@ from wbc.app.log.reader import Log
 from wbc.app.view.controls import END, LiveControls
 from wbc.base.errors import InputError
 from wbc.base.files import parsing
+from wbc.robots import load
+from wbc.sim.trial.spec import stamped_file
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.spec import SOURCE, WalkSpec
+from wbc.sim.walks.stiffness_policy import FILE
+from wbc.sim.walks.trained import stamped_policy
 
 if TYPE_CHECKING:
     from wbc.sim.trial.trial import AnyTrial, TrialTick
@@ -41,7 +46,34 @@ def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
     changes = interventions_of(log)
     if log.broken is not None:
         changes.append({"time": float(log.time[-1]), "what": END})
-    return WalkSpec.from_json(plain), changes
+    return WalkSpec.from_json(_located(plain, log)), changes
+
+
+def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
+    """Return a spec whose files are found from the present folder, too.
+
+    A relative name is taken in the present folder if the file there is the one that was read, in the folder of the
+    recorded program else, and beside the log at last.
+    """
+    folders = [Path(str(log.header.get("folder") or "")), log.path.parent]
+
+    def found(given: Any, read: Callable[[str], object]) -> Any:
+        name, mark, content = given.rpartition("#") if isinstance(given, str) else ("", "", "")
+        for place in (name, *(folder / name for folder in folders)) if mark else ():
+            with suppress(InputError):
+                read(f"{place}#{content}")
+                return f"{place}#{content}"
+        return given
+
+    located = dict(plain)
+    for part, key in (("policy_params", FILE), ("terrain_params", SOURCE)):
+        values = plain.get(part)
+        if isinstance(values, dict) and key in values:
+            located[part] = {**values, key: found(values[key], lambda name: stamped_file(name, "file"))}
+    for part, read in (("trained", stamped_policy), ("robot", load)):
+        if part in plain:
+            located[part] = found(plain[part], read)
+    return located
 
 
 class RepeatWalk(TrialHook):

@@ -56,12 +56,12 @@ def always_standing(standing: Array, rate: float, double_support: float = 0.0) -
     standing = standing.copy()
     for first, last in runs(~standing.any(axis=1)):
         begin, end = first / rate, last / rate
-        if end - begin > FLIGHT + ROUNDING or not standing.any():
+        if end - begin > FLIGHT + ROUNDING:
             raise InputError(
                 f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
                 f"{end:.2f} s, {end - begin:.2f} s, at most {FLIGHT:g} s are let pass"
             )
-        standing[first:last] = standing[first - 1 if first else last]
+        standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
     for own, other in ((0, 1), (1, 0)):
         _overlap(standing[:, own], standing[:, other], round(double_support * rate))
     return standing

@@ -5,3 +5,7 @@
 
 `FIGURES` names the ready-made ones; `draw_signals` draws any signal of any log.
 """
+
+from wbc.base.drawing import import_matplotlib
+
+import_matplotlib()

@@ -200,16 +200,20 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
     @property
     def damping(self) -> Array:
-        """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again."""
+        """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again.
+
+        A critical damping that is read and assigned stays critical.
+        """
         return read_only(self._numbers.damping)
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
+        itself = value is not None and np.may_share_memory(value, self._numbers.damping)
         if value is None:
             self._set_damping(self._critical_damping(self._numbers.stiffness))
         else:
             self._set_damping(self._checked_gain("damping (1/s)", value))
-        self._critical = value is None
+        self._critical = value is None or (self._critical and itself)
         self.revision += 1
 
     @property

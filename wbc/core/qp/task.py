@@ -142,8 +142,8 @@ class Task(Motion):
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
+        self._weighed = self._weighed or not np.may_share_memory(value, self._weight)  # which changes nothing
         self._weigh(self._checked_gain("weight", value))
-        self._weighed = True
 
     def weigh_as_usual(self, *, kinematic: bool) -> None:
         """Take the default weight for the solver that gets the task, inverse kinematics or not, if none was given."""
