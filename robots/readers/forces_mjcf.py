@@ -32,6 +32,7 @@ SWITCHES = {
     "constraint": ("constraint", "nothing touches, and no joint has an end or dry friction"),
     "actuation": ("actuation", "no drive acts"),
     "limit": ("limit", "no joint has an end"),
+    "sensor": ("sensor", "sensors read zero"),
 }
 """Option flags that change what acts on a robot, of those that are on by default, and what happens without them."""
 

@@ -259,10 +259,11 @@ def test_a_posture_has_the_default_weight_of_its_solver_unless_it_is_given_one()
     robot = make_robot("hrp4_class")
     controller, kinematics = Controller(robot, 0.01), InverseKinematics(robot, 0.01)
     usual, given, assigned = PostureTask(), PostureTask(weight=1e-3), PostureTask()
-    assigned.weight = assigned.weight  # as it is read, 1e-3
+    assigned.weight = 1e-3
     for solver, weight in ((controller, 1e-3), (kinematics, 1e-4), (controller, 1e-3)):
         for task, expected in ((usual, weight), (given, 1e-3), (assigned, 1e-3)):
             solver.add(task)
+            task.weight = task.weight  # gives none
             np.testing.assert_array_equal(task.weight, expected)
             solver.remove(task)
 
