@@ -24,7 +24,7 @@ BRAKE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What must be equal for all libraries.
+    """Task that is the same for all libraries.
 
     Attributes:
         robot: Name of the robot.

@@ -44,7 +44,7 @@ REQUIREMENTS = {
 """Library → requirements of its environment."""
 
 LIBRARIES = {"tick": (OURS, "PlaCo", "TSID"), "kinematics": (OURS, "Pink", "mink", "PlaCo")}
-"""What is compared → libraries that take turns."""
+"""Subject of a comparison → libraries that take turns."""
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 

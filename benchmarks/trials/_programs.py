@@ -1,4 +1,4 @@
-"""What the programs of trials share: ranges of numbers, and the programs of `examples` that they run.
+"""Parts that the programs of trials share: ranges of numbers, and the programs of `examples` that they run.
 
 What imports this module can import those of the tour and of hands.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,62 @@ def test_a_walk_is_repeated_with_the_files_that_it_read(
         assert load(repeated.robot).digest == load(spec.robot if folder == here else f"{here}/my.xml").digest
         policy = str(dict(repeated.policy_params)["path"]).partition("#")[0]
         assert policy == ("my.json" if folder == here else str(here / "my.json"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "3",
+        "[3]",
+        "{",
+        '[{"what": "push", "time": "soon"}]',
+        '[{"what": "push", "time": 1.0, "direction": 3, "impulse": 0.1}]',
+        '[{"what": "set", "time": true, "name": "task com/weight", "value": 1.0}]',
+        '[{"what": "target", "time": 1.0, "task": "com", "target": 1.0}]',
+        '[{"what": "drive", "time": NaN, "forward": 0, "left": 0, "turn": 0}]',
+        '[{"what": ["end"], "time": 1.0}]',
+        '[{"time": 1.0}]',
+    ],
+)
+def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: Path) -> None:
+    log = written(tmp_path / "log.arrow", {}, change)
+    with pytest.raises(InputError, match=r"log\.arrow"):
+        interventions_of(log)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"robot": "g1"},
+        {"robot": {"name": "g1", "mass_kg": "30", "soles": [], "torque_limit_Nm": {}}},
+        {
+            "robot": {
+                "name": "g1",
+                "mass_kg": 30.0,
+                "soles": [{"name": "a", "length_m": 1}],
+                "torque_limit_Nm": {},
+            }
+        },
+        {
+            "robot": {
+                "name": "g1",
+                "mass_kg": 30.0,
+                "soles": [{"name": "a", "length_m": math.nan, "width_m": 0.1}],
+                "torque_limit_Nm": {},
+            }
+        },
+        {"versions": {"libraries": ["numpy"]}},
+        {"versions": 3},
+        {"title": ["walk"]},
+        {"seed": "1"},
+        {"control_period": {}},
+        {"control_period": -0.005},
+        {"plant": [], "description": 3},
+    ],
+)
+def test_a_header_whose_values_are_of_other_kinds_is_refused(header: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"'{next(iter(header))}.*' of its header"):
+        written(tmp_path / "log.arrow", header)
 
 
 @pytest.mark.parametrize(

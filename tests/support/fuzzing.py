@@ -135,7 +135,7 @@ def mutate(data: bytes, seed: int) -> bytes:
 
 def damaged(name: str, data: bytes, seed: int) -> bytes:
     """Return a damaged file; in every other one that holds JSON a value is another one, and its sums are right."""
-    kept = {"study.json": _of_json, "journal.jsonl": _of_journal}
+    kept = {"study.json": _of_json, "journal.jsonl": _of_journal, "log.arrow": _of_log}
     if name not in kept or seed % 2:
         return mutate(data, seed)
     return kept[name](data, np.random.default_rng(seed))
@@ -149,6 +149,18 @@ def _of_journal(data: bytes, rng: np.random.Generator) -> bytes:
     from wbc.sim.studies.journal import canonical  # noqa: PLC0415 - a process of its own measures its memory
 
     return canonical(_with_other_value(json.loads(data), rng)).encode() + b"\n"
+
+
+def _of_log(data: bytes, rng: np.random.Generator) -> bytes:
+    import pyarrow as pa  # noqa: PLC0415
+    from pyarrow import ipc  # noqa: PLC0415
+
+    table, made = ipc.open_file(pa.BufferReader(data)).read_all(), pa.BufferOutputStream()
+    header = _with_other_value(json.loads(table.schema.metadata[b"wbc"]), rng)
+    table = table.replace_schema_metadata({b"wbc": json.dumps(header).encode()})
+    with ipc.new_file(made, table.schema) as file:
+        file.write_table(table)
+    return bytes(made.getvalue())
 
 
 def _with_other_value(value: Any, rng: np.random.Generator) -> Any:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.reader import Log
-from wbc.app.view.controls import END, LiveControls
-from wbc.base.errors import InputError
+from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
+from wbc.base.errors import InputError, shown
 from wbc.base.files import parsing
 from wbc.robots import load
 from wbc.sim.trial.spec import stamped_file
@@ -35,7 +35,20 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
     opened = log if isinstance(log, Log) else Log.open(log)
     found = opened.texts("view/change").tolist() if "view/change" in opened else []
     with parsing(opened.path, "log that can be repeated"):
-        return [entry for text in found if text for entry in json.loads(text)]
+        return [_checked(entry) for text in found if text for entry in json.loads(text)]
+
+
+def _checked(entry: Any) -> dict[str, Any]:
+    """Return an intervention; `ValueError` for one that cannot be repeated."""
+    known = INTERVENTIONS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
+    if known is None:
+        raise ValueError(f"a recorded change must be one of {', '.join(INTERVENTIONS)}, got {shown(entry)}")
+    for name, kind in {"time": float, **known[1]}.items():
+        value = entry.get(name)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not (number if kind is float else isinstance(value, kind)):
+            raise ValueError(f"{name} of a recorded change cannot be {shown(value)}")
+    return dict(entry)
 
 
 def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
@@ -55,7 +68,7 @@ def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
     A relative name is taken in the present folder if the file there is the one that was read, in the folder of the
     recorded program else, and beside the log at last.
     """
-    folders = [Path(str(log.header.get("folder") or "")), log.path.parent]
+    folders = [Path(log.header.get("folder") or ""), log.path.parent]
 
     def found(given: Any, read: Callable[[str], object]) -> Any:
         name, mark, content = given.rpartition("#") if isinstance(given, str) else ("", "", "")

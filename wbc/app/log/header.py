@@ -21,14 +21,15 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import BaseModel, Field, ValidationError
 from pydantic_core import to_json as to_json_bytes
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
 from wbc.base.errors import InputError, shown
-from wbc.base.settings import from_json, to_json
+from wbc.base.settings import Period, from_json, to_json
 from wbc.feet.soles.catalog import foot, foot_name, foot_names
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
@@ -43,6 +44,41 @@ FORMAT = 1
 
 KEY = b"wbc"
 """Key of the object in the metadata of the file."""
+
+
+_Side = Annotated[float, Field(gt=0.0, le=10.0)]
+"""Length or width of a sole, m."""
+
+
+class _Sole(BaseModel, strict=True):
+    name: str
+    length_m: _Side
+    width_m: _Side
+
+
+class _Robot(BaseModel, strict=True):
+    name: str
+    mass_kg: Annotated[float, Field(gt=0.0, le=1e6)]
+    soles: list[_Sole]
+    torque_limit_Nm: dict[str, float]
+
+
+class _Versions(BaseModel, strict=True):
+    libraries: dict[str, Any] = {}
+
+
+class _Header(BaseModel, strict=True):
+    """Types and ranges of the values of a header; spec, plant and description are checked by who makes use of them."""
+
+    program: str = ""
+    versions: _Versions = _Versions()
+    created: str = ""
+    title: str = ""
+    seed: int | None = None
+    control_period: Period | None = None
+    robot: _Robot | None = None
+    plant: dict[str, Any] | None = None
+    description: dict[str, Any] | None = None
 
 
 def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
@@ -105,6 +141,14 @@ def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
             if part in header:
                 header[part] = _with_infinity(header[part])
         number = header["format"]
+        if number == FORMAT:
+            _Header.model_validate(header)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place, got = ".".join(map(str, first["loc"])), shown(first["input"])
+        raise InputError(
+            f"{where}: '{place}' of its header cannot be used: {first['msg']}, got {got}"
+        ) from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{where}: the metadata '{KEY.decode()}' cannot be read ({shown(error)})") from error
     if number != FORMAT:

@@ -75,15 +75,18 @@ MAX_ORDERS = 16
 END = "end"
 """Intervention that ends a run: Ctrl-C."""
 
-INTERVENTIONS = {
-    "push": "pushed {direction} with {impulse:g} Ns/kg",
-    "stop": "told to stop",
-    "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
-    "set": "{name} set to {value:g}",
-    "target": "target of task {task} moved",
-    END: "ended",
+INTERVENTIONS: dict[str, tuple[str, dict[str, type]]] = {
+    "push": ("pushed {direction} with {impulse:g} Ns/kg", {"direction": str, "impulse": float}),
+    "stop": ("told to stop", {}),
+    "drive": (
+        "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
+        {"forward": float, "left": float, "turn": float},
+    ),
+    "set": ("{name} set to {value:g}", {"name": str, "value": float}),
+    "target": ("target of task {task} moved", {"task": str, "target": list}),
+    END: ("ended", {}),
 }
-"""Kinds of interventions, and their texts."""
+"""Kinds of interventions: text, and types of what is recorded of them beside their time."""
 
 
 class Setting(NamedTuple):
@@ -292,4 +295,4 @@ def target_of(task: Any, value: Any) -> Any:
 
 def intervention_text(entry: dict[str, Any]) -> str:
     """Return an intervention as text."""
-    return f"{entry['time']:.2f} s: {INTERVENTIONS[entry['what']].format(**entry)}"
+    return f"{entry['time']:.2f} s: {INTERVENTIONS[entry['what']][0].format(**entry)}"
