@@ -15,23 +15,32 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, shown_path
+from wbc.base.errors import InputError, WbcError, names_in, shown_path
 from wbc.base.files import decoding, first_tag, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
+from wbc.robots.mesh_files import PACKAGE_DEPTH, resolve
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
 """Endings of the files that describe a robot."""
 
-NAMED = re.compile(r"\bfile(name)?\s*=\s*[\"']")
-"""Attribute of an MJCF or a URDF that names another file."""
+
+REFERENCES = re.compile(r"""\b(?:file|filename|url)\s*=\s*["']([^"'<>]+)|<uri>\s*([^<>]+?)\s*</uri>""")
+"""Names of files in a description: meshes, height fields and parts of the robot."""
+
+FOLDERS = re.compile(r"""\b(?:meshdir|assetdir|texturedir)\s*=\s*["']([^"'<>]+)""")
+"""Folders of these files in an MJCF."""
+
+Stamp = tuple[str, int, int]
+"""Path of a file, time of its last change, ns, and size, bytes."""
 
 
 def is_path(name: str) -> bool:
@@ -39,16 +48,46 @@ def is_path(name: str) -> bool:
     return name.lower().endswith(ENDINGS) or "/" in name or "\\" in name
 
 
-def stamps(path: Path) -> tuple[tuple[tuple[int, int], ...], bool]:
-    """Return time of the last change, ns, and size, bytes, of a file and of the robot file that a TOML names.
+def stamps(path: Path) -> tuple[Stamp, ...]:
+    """Return the stamps of a robot file and of all files that it refers to: they change when one of them does."""
+    found: dict[Path, Stamp] = {}
+    waiting: list[tuple[Path, tuple[str, ...]]] = [(path, ())]
+    while waiting:
+        place, folders = waiting.pop()
+        place = place.resolve()
+        if place in found or not place.is_file():
+            continue
+        state = place.stat()
+        found[place] = str(place), state.st_mtime_ns, state.st_size
+        names, further = _references(*found[place])
+        folders = (*further, *folders)  # those of a file hold for the files that it includes
+        waiting += [(each, folders) for name in names if (each := resolve(name, folders)) is not None]
+    return tuple(found.values())
 
-    Returned as well is True if that file names others, which it includes or takes meshes from.
-    """
-    places = [path]
-    if path.suffix.lower() == ".toml" and path.is_file():
-        places.append(path.parent / Path(str(read_toml(path).get("file", ""))).expanduser())
-    found = [(each.stat().st_mtime_ns, each.stat().st_size) for each in places if each.is_file()]
-    return tuple(found), places[-1].is_file() and bool(NAMED.search(read_xml(places[-1], "robot file")))
+
+@lru_cache(maxsize=256)
+def _references(path: str, _time: int, _size: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of files in a robot file, and the folders in which they may be; none in what is no such file."""
+    place = Path(path)
+    if place.suffix.lower() not in ENDINGS:
+        return (), ()
+    try:
+        if place.suffix.lower() == ".toml":
+            values = read_toml(place)
+            given = values.get("package_dirs", ())
+            names, folders = [values.get("file", "")], given if isinstance(given, list) else []
+        else:
+            text = read_xml(place)
+            names = [one or other for one, other in REFERENCES.findall(text)]
+            folders = FOLDERS.findall(text)
+    except WbcError:  # which its reader raises
+        return (), ()
+    above = list(place.parents)[: PACKAGE_DEPTH + 1]
+    within = [place.parent / Path(each).expanduser() for each in folders if isinstance(each, str)]
+    named = [
+        str(Path(name).expanduser()) if name[:1] == "~" else name for name in names if isinstance(name, str)
+    ]
+    return tuple(dict.fromkeys(named)), tuple(map(str, (*within, *above)))
 
 
 def read(path: str | Path) -> RobotDescription:
@@ -62,6 +101,9 @@ def read(path: str | Path) -> RobotDescription:
     source = values.pop("file", None)
     if not isinstance(source, str):
         raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
+    for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
+        if not name.isprintable():
+            raise InputError(f"{shown_path(path)} names {shown_path(name)}")
     values.setdefault("name", place.stem)
     return describe(place.parent / Path(source).expanduser(), values)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -16,6 +17,9 @@ from wbc.base.numbers import Array
 
 PACKAGE_DEPTH = 5
 """Most folders above that of a URDF in which its packages are looked for."""
+
+LARGEST_MESH = 100_000_000
+"""Bytes of a mesh that are looked at for defects."""
 
 
 def read_mesh(path: Path) -> tuple[Array, coal.BVHModelBase] | None:
@@ -47,12 +51,36 @@ def collada_unit(path: Path) -> float:
 
 
 def mesh_defect(path: Path) -> str:
-    """Return why the file of a mesh holds none; "" where nothing is wrong with its begin."""
+    """Return why the file of a mesh holds no whole mesh, by its size, begin and end; "" where nothing is wrong."""
+    state = path.stat()
+    return _defect(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _defect(path: Path, _time: int, _size: int) -> str:
     with path.open("rb") as file:
-        begin = file.read(64)
+        content = file.read(LARGEST_MESH)
+    begin, end, kind = content[:512].lstrip().lower(), content[-512:].lower(), path.suffix.lower()
+    if not begin:
+        return "is empty"
     if begin.startswith(b"version https://git-lfs"):
         return "is a pointer of Git LFS: run `git lfs pull` in its repository"
-    return "" if begin else "is empty"
+    if begin.startswith((b"<!doctype html", b"<html")):
+        return "is a page of the web"
+    whole = True
+    if kind == ".stl":
+        count = int.from_bytes(content[80:84], "little")
+        whole = 84 + 50 * count <= len(content) and len(content) > 84
+        if whole:
+            numbers = np.frombuffer(content, np.dtype([("corners", "<f4", 12), ("more", "<u2")]), count, 84)
+            if not np.isfinite(numbers["corners"][:, 3:]).all():
+                return "has corners that are no numbers"
+        whole |= begin.startswith(b"solid") and b"endsolid" in end
+    elif kind == ".dae":
+        whole = b"collada>" in end
+    elif kind == ".obj":
+        whole = re.search(rb"[\r\n]\s*f\s", content) is not None
+    return "" if whole or len(content) == LARGEST_MESH else "is cut off, or of another format"
 
 
 def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:

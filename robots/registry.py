@@ -105,7 +105,8 @@ def load(name: str | Path) -> RobotDescription:
             )
         return description
     if name not in _FACTORIES and files.is_path(name):
-        return _read(Path(name).expanduser())
+        path = Path(name).expanduser()
+        return _read(str(path), files.stamps(path))
     return _load(name, _FACTORIES[name])
 
 
@@ -125,16 +126,7 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
     return description
 
 
-def _read(path: Path) -> RobotDescription:
-    """Read a robot file, anew when it has changed, and each time where it names files that may have changed."""
-    stamps, named = files.stamps(path)
-    key: tuple[object, ...] = path, stamps
-    if named or key not in _READ:
-        description = files.read(path)
-        key = (*key, description.digest) if named else key
-        _READ.setdefault(key, description)
-    return _READ[key]
-
-
-_READ: dict[tuple[object, ...], RobotDescription] = {}
-"""Robot file, its stamps, and the digest of one that names other files → its description."""
+@cache
+def _read(path: str, _: tuple[files.Stamp, ...]) -> RobotDescription:
+    """Read a robot file, anew when it or a file that it refers to has changed."""
+    return files.read(path)

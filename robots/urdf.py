@@ -106,12 +106,14 @@ class Urdf:
         links: Link → its inertia, None for a link without one.
         joints: Joint → what the file says of it.
         shapes: Shapes of all links without those of an unknown kind.
+        scales: Link → scale of one of its meshes that is one number, as it is written.
     """
 
     name: str
     links: dict[str, Inertial | None]
     joints: dict[str, Joint]
     shapes: list[Geometry]
+    scales: list[tuple[str, str]]
 
     @property
     def moving(self) -> dict[str, Joint]:
@@ -245,11 +247,18 @@ def read(source: str | Path) -> Urdf:
         for end in (each.parent, each.child):
             if end not in names["link"]:
                 raise ModelError(f"joint '{each.name}' refers to link '{end}', which does not exist")
+    scales = [
+        (str(link.get("name")), scale)
+        for link in links
+        for mesh in link.iter("mesh")
+        if len((scale := mesh.get("scale", "")).split()) == 1
+    ]
     return Urdf(
         name=str(root.get("name")) if (root.get("name") or "").strip() else "robot",
         links={str(link.get("name")): _inertial(link) for link in links},
         joints={each.name: each for each in made},
         shapes=shapes(root),
+        scales=scales,
     )
 
 

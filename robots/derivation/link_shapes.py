@@ -42,7 +42,7 @@ def link_shapes(robot: Mechanism, package_dirs: tuple[str, ...]) -> tuple[Geomet
 
 def hulls(robot: Mechanism, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
     """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
-    return {link: list(shapes) for link, shapes in _made(robot, package_dirs, _hull).items()}
+    return _made(robot, package_dirs, _hull)
 
 
 def capsules(
@@ -65,12 +65,22 @@ def capsules(
     return found
 
 
-@lru_cache(maxsize=16)
 def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make) -> dict[str, list[Any]]:
     """Return link → what is made of its collision shapes, or of its visual shapes where that is nothing."""
     names = {shape.file for shape in robot.shapes if shape.kind == "mesh"}
-    files = {name: resolve(name, package_dirs) for name in names}
+    files = {name: path for name in sorted(names) if (path := resolve(name, package_dirs)) is not None}
+    states = {name: (path, path.stat()) for name, path in files.items()}
+    stamps = tuple((name, path, state.st_mtime_ns, state.st_size) for name, (path, state) in states.items())
+    return {link: list(shapes) for link, shapes in _of_files(robot, make, stamps).items()}
+
+
+@lru_cache(maxsize=16)
+def _of_files(
+    robot: Mechanism, make: Make, stamps: tuple[tuple[str, Path, int, int], ...]
+) -> dict[str, list[Any]]:
+    """Return what is made of the shapes of each link, anew when a mesh has changed."""
     found: dict[str, dict[str, list[Any]]] = {}
+    files = {name: path for name, path, *_ in stamps}
     for shape in robot.shapes:
         if (made := make(shape, files.get(shape.file))) is not None:
             found.setdefault(shape.link, {}).setdefault(shape.role, []).append(made)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
+import contextlib
+import html
+import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +16,13 @@ import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import first_tag, parse_xml, read_xml
+from wbc.base.files import decoding, first_tag, parse_xml, read_xml
 from wbc.robots.mesh_files import mesh_defect
 from wbc.robots.readers import sdf_mjcf
 from wbc.robots.urdf import MOST_LINKS, existing
+
+MOST_FOLDERS = 100
+"""Most folders of meshes, pictures and included files that an MJCF may name."""
 
 
 def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
@@ -74,27 +81,35 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         if first_tag(content) == "sdf":
             return "SDF string", lambda: sdf_mjcf.spec_of(_tree(content, "SDF string"), "SDF string")
         _refuse_other_formats("MJCF string", content)
+        refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
     if first_tag(text := read_xml(path, "MJCF")) == "sdf":
         return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
-    _refuse_other_formats(where, text)
-    return where, lambda: read_spec(path)
+    refuse_pipes(path.parent, text)
+    texts = _texts(path)
+    _refuse_other_formats(where, texts[path.name])
+    return where, lambda: _spec_of(path, texts)
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
-    """Return the spec of an MJCF file; its meshes are looked for beside it.
+    """Return the spec of an MJCF file of any ending and encoding; its meshes are looked for beside it."""
+    refuse_pipes(path.parent, read_xml(path, "MJCF"))
+    return _spec_of(path, _texts(path))
 
-    MuJoCo opens files with the ending .xml alone; what is called otherwise it gets as text, with what that includes.
+
+def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
+    """Return the spec of a file, given its text and those of what it includes.
+
+    MuJoCo knows UTF-8 and the ending .xml alone; what is written otherwise it gets as text.
     """
-    if path.suffix == ".xml":
+    plain = (
+        (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
+        for name, text in texts.items()
+    )
+    if path.suffix == ".xml" and all(plain):
         return mujoco.MjSpec.from_file(str(path))
-    texts, waiting = dict[str, str](), [path.name]
-    for name in waiting:
-        if name not in texts and (path.parent / name).is_file():
-            texts[name] = read_xml(path.parent / name, "MJCF")
-            waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
     own, *others = texts
     spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
     spec.modelfiledir = str(path.parent)
@@ -116,11 +131,63 @@ def _tree(text: str, where: str) -> ET.Element:
         raise ModelError(f"{where}: {error}") from error
 
 
+def refuse_pipes(folder: Path, text: str) -> None:
+    """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
+
+    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF. Any name may be
+    in any of the folders that the files name.
+    """
+    folders, names, read = {folder}, dict[str, None](), set[Path]()
+    waiting = [text]
+    while waiting:
+        for content in waiting:
+            named = re.findall(r"(?:mesh|texture|asset)dir\s*=\s*(?:\"([^\"]*)\"|'([^']*)')", content)
+            folders |= {folder / html.unescape(one or other) for one, other in named}
+            for one, other in re.findall(r"file\w*\s*=\s*(?:\"([^\"]+)\"|'([^']+)')", content):
+                name = html.unescape(one or other)
+                names |= {name: None, Path(name).name: None}  # strippath
+        if len(folders) > MOST_FOLDERS:
+            raise InputError(f"an MJCF may name {MOST_FOLDERS} folders of files at most, got {len(folders)}")
+        waiting = []
+        for place in {each / name for each in folders for name in names} - read:
+            read.add(place)
+            if not os.path.exists(place):  # false for a name that is too long, too
+                continue
+            with decoding(place, "file of an MJCF"):
+                begin = place.open("rb").read(64)
+            if b"<" in begin:  # a model, or what is included
+                folders.add(place.parent)
+                with contextlib.suppress(InputError):  # MuJoCo reads, or refuses, what is included
+                    waiting.append(read_xml(place, "MJCF"))
+
+
+def _texts(path: Path) -> dict[str, str]:
+    """Return the text of a file and of what it includes, by names relative to its folder, the file itself first."""
+    texts: dict[str, str] = {}
+    waiting = [path.name]
+    for name in waiting:
+        if name in texts or not (path.parent / name).is_file():
+            continue
+        try:
+            texts[name] = read_xml(path.parent / name, "MJCF")
+        except InputError:
+            if not texts:
+                raise
+            continue  # MuJoCo reads, or refuses, what is included
+        waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
+    return texts
+
+
 def _refuse_other_formats(where: str, content: str) -> None:
-    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, and NaN."""
+    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, NaN and many bodies."""
     if (first := first_tag(content)) in ("", "robot"):
         raise ModelError(f"{where} is {'a URDF; use from_urdf' if first else 'no XML'}")
     content = re.sub(r"<!--.*?-->", lambda note: "\n" * note.group().count("\n"), content, flags=re.DOTALL)
+    count = content.count("<body") + sum(
+        map(int, re.findall(r"<replicate\b[^<>]*\bcount\s*=\s*[\"'](\d+)", content))
+    )
+    if count > MOST_LINKS:
+        raise ModelError(f"{where} may have {MOST_LINKS} bodies, got {count}")
     wrong = re.search(r"<(\w+)[^<>]*?\s(\w+)\s*=\s*\"[^\"]*\b[Nn][Aa][Nn]\b[^\"]*\"", content)
     if wrong and wrong.group(2) not in ("name", "class", "childclass", "file"):
         line = content.count("\n", 0, wrong.start()) + 1

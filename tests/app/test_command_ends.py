@@ -216,6 +216,20 @@ def test_an_interrupted_sweep_says_what_is_kept(
     assert "2 of 3 trials are kept" in capsys.readouterr().err
 
 
+def test_a_text_that_would_be_a_formula_is_none_in_a_spreadsheet() -> None:
+    from wbc.app.commands.study.show import _cell  # noqa: PLC0415
+
+    assert [_cell(value) for value in ("=1", " +1", "-1", "@a", "a=1", 3.5, None)] == [
+        "'=1",
+        "' +1",
+        "'-1",
+        "'@a",
+        "a=1",
+        3.5,
+        None,
+    ]
+
+
 def test_streams_that_are_no_terminals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     assert main(["settings", "nothing_of_this_name"]) == BAD_INPUT

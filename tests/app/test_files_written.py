@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import json
 import os
@@ -100,15 +101,21 @@ INPUTS: list[tuple[list[str], str]] = [
 ENDINGS = {"table": ".csv", "view": ".rrd", "--key": ".json", "walk": ".arrow"}
 
 
-@pytest.mark.parametrize(("words", "read"), INPUTS)
+@pytest.mark.parametrize(
+    ("words", "read", "kind"),
+    [(words, read, ("hard", "symbolic")[i % 2]) for i, (words, read) in enumerate(INPUTS)],
+)
 def test_a_file_that_is_read_is_not_written(
-    folder: Path, words: list[str], read: str, capsys: Captured
+    folder: Path, words: list[str], read: str, kind: str, capsys: Captured
 ) -> None:
     """By another name, because the ending of the same name is refused already where it is not that of the output."""
     ending = next((ending for word, ending in ENDINGS.items() if word in words), ".png")
     output = Path(f"output{ending}")
     content = Path(read).read_bytes()
-    output.symlink_to(read)
+    if kind == "hard":
+        output.hardlink_to(read)
+    else:
+        output.symlink_to(read)
     assert main([*words, str(output)]) == BAD_INPUT
     captured = capsys.readouterr()
     assert "it is read, too" in captured.err and captured.err.count("\n") == 1, captured.err
@@ -168,7 +175,7 @@ ODD = STUDY | {
 
 
 def test_texts_of_files_are_shown_as_texts(folder: Path, capsys: Captured) -> None:
-    """No character that steers a terminal, no forged line, in what is shown."""
+    """No character that steers a terminal, no forged line, no formula in a spreadsheet, in whatever is written."""
     Path("odd").mkdir()
     Path("odd/study.json").write_text(json.dumps(ODD))
     with Journal("odd.jsonl") as journal:
@@ -189,4 +196,8 @@ def test_texts_of_files_are_shown_as_texts(folder: Path, capsys: Captured) -> No
         for text in (said.out, said.err):
             assert not set(STEERING) & {"\x1b", "\x07", "\u202e"} & set(text)
             assert not any(line.startswith("forged") for line in text.splitlines())
-    assert not {"\x1b", "\x07", "\u202e"} & set(Path("odd.svg").read_text())
+    assert not {"\x1b", "\x07", "\u202e"} & set(Path("odd.svg").read_text() + Path("odd.csv").read_text())
+    with open("odd.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    assert len(rows) == 3 and {"=", "+", "@"}.isdisjoint(cell[:1] for row in rows for cell in row)
+    assert "'-1 flat" in rows[2] and "2" in rows[1]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -15,12 +17,12 @@ import polars as pl
 import pyarrow as pa
 import pytest
 from full_disk import limited_file_size
-from log_writing import HEADER, signals, values, write
+from log_writing import HEADER, made_log, signals, values, write
 from pyarrow import ipc
 from recorded import recorded_walk
 
 from wbc.app.drift import Drift
-from wbc.app.log import reader
+from wbc.app.log import reader, writer
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
 from wbc.app.log.stances import stances, support_box
@@ -112,6 +114,35 @@ def test_log_of_another_format_is_refused(tmp_path: Path) -> None:
         pass
     with pytest.raises(InputError, match="wbc 9.0"):
         Log.open(path)
+
+
+@pytest.mark.parametrize(("batch", "said"), [(1_000_000, "has a batch of"), (100, "unpacks to more than")])
+def test_a_small_file_that_unpacks_to_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int, said: str
+) -> None:
+    """A large batch before it is unpacked, and many small ones when they are too many."""
+    monkeypatch.setattr(reader, "MEMORY", 1_000_000)
+    monkeypatch.setattr(reader, "LARGEST_BATCH", 20_000)
+    monkeypatch.setattr(reader, "LARGEST_RATIO", 1)
+    schema = pa.schema([pa.field("time", pa.float64())], metadata={KEY: encode(HEADER)})
+    path = tmp_path / "bomb.arrow"
+    with ipc.new_file(str(path), schema, options=ipc.IpcWriteOptions(compression="lz4")) as out:
+        for _ in range(1_000_000 // batch):
+            out.write_batch(pa.RecordBatch.from_arrays([pa.array(np.zeros(batch))], schema=schema))
+    before = pa.total_allocated_bytes()
+    with pytest.raises(InputError, match=said):
+        Log.open(path)
+    assert pa.total_allocated_bytes() == before
+
+
+def test_batches_of_long_lists_are_small_enough_to_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for room in (reader, writer):
+        monkeypatch.setattr(room, "LARGEST_BATCH", 20_000)
+    rows = [np.random.default_rng(i).normal(size=1000) for i in range(40)]
+    log = made_log(tmp_path / "log.arrow", {"time": np.arange(40.0), "ground/map/x": rows})
+    assert log.broken is None and np.allclose(np.stack(log.lists("ground/map/x")), rows, atol=1e-6)  # type: ignore[arg-type]
 
 
 def test_a_log_that_unpacks_to_more_than_memory_is_read_signal_by_signal(
@@ -234,6 +265,21 @@ def test_of_two_recordings_of_one_log_the_second_is_refused(log_file: Path, tick
     assert len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
     LogWriter(log_file).close()
     assert len(list(log_file.parent.iterdir())) == 1
+
+
+@pytest.mark.parametrize("ticks", [10, ROWS + 10])
+def test_a_forked_process_leaves_the_log_of_its_parent(ticks: int, log_file: Path) -> None:
+    """The child ends the recording, or Python ends it with the child."""
+    writer = write(log_file, ticks)
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            writer.close()
+            writer._place._finalizer()
+        os._exit(0)
+    os.waitpid(child, 0)
+    writer.close()
+    assert writer.loss is None and len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
 
 
 @pytest.mark.slow

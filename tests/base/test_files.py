@@ -28,6 +28,7 @@ from wbc.base.files import (
     read_toml,
     read_xml,
     replacing,
+    same_file,
     write_text,
 )
 
@@ -113,6 +114,17 @@ def test_permissions_and_symbolic_links_stay(old: Path) -> None:
     assert old.with_name("fresh.csv").stat().st_mode == plain.stat().st_mode
 
 
+def test_the_same_file_is_known_by_all_its_names(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    symbolic, hard, other = (old.with_name(name) for name in ("symbolic", "hard", "other"))
+    symbolic.symlink_to(old)
+    hard.hardlink_to(old)
+    other.write_text(OLD)
+    monkeypatch.chdir(old.parent)
+    for path in (symbolic, hard, Path(old.name), Path("../") / old.parent.name / old.name):
+        assert same_file(old, path) and same_file(path, old)
+    assert not same_file(old, other) and not same_file(old, "missing") and not same_file(old, "a\0b")
+
+
 def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:
     with decoding(old, "table", largest=4) as path:
         assert path == old
@@ -156,7 +168,7 @@ def test_texts_are_read_in_the_encoding_that_a_file_says(tmp_path: Path) -> None
     path, text = tmp_path / "file", "<a>häß</a>"
     path.write_bytes(text.encode("utf-8-sig"))
     assert read_text(path) == text
-    for encoding in ("utf-8", "utf-8-sig"):
+    for encoding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):
         path.write_bytes(text.encode(encoding))
         assert read_xml(path) == text
     declared = f'<?xml version="1.0" encoding="latin-1"?>{text}'

@@ -144,3 +144,34 @@ def test_shapes_of_links_are_of_who_asked_for_them() -> None:
         del mine["left_hand"]
         mine["pelvis"].clear()
         assert set(made()) == links and made()["pelvis"]
+
+
+@pytest.mark.parametrize("changed", ["rods.xml", "parts.xml", "meshes/rod.obj"])
+def test_a_robot_is_read_anew_when_a_file_that_it_refers_to_has_changed(changed: str, tmp_path: Path) -> None:
+    corners = [f"v {0.1 * x} {0.1 * y} {0.1 * z}" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    sides = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    texts = {
+        "arm.toml": "file = 'rods.xml'\nfeet = false\nbase = 'fixed'\n",
+        "rods.xml": (
+            '<mujoco><compiler meshdir="meshes"/><asset><mesh file="rod.obj"/></asset><include file="parts.xml"/>'
+            '<actuator><motor joint="j" ctrlrange="-9 9"/><motor joint="k" ctrlrange="-9 9"/></actuator></mujoco>'
+        ),
+        "parts.xml": (
+            '<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0" range="-60 60"/>'
+            '<geom type="mesh" mesh="rod" density="500"/>'
+            '<body name="b"><joint name="k" axis="0 1 0" range="-60 60"/><geom type="mesh" mesh="rod" density="500"/>'
+            "</body></body></worldbody></mujoco>"
+        ),
+        "meshes/rod.obj": "\n".join([*corners, *(f"f {side}" for side in sides), ""]),
+    }
+    (tmp_path / "meshes").mkdir()
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    before = load(tmp_path / "arm.toml")
+    assert before is load(tmp_path / "arm.toml") and before.robot().mass == pytest.approx(1.0)
+    old, new = ("v 0.1", "v 0.2") if changed.endswith("obj") else ('"500"', '"1000"')
+    if changed == "rods.xml":
+        old, new = '"rod.obj"', '"rod.obj" scale="1 1 2"'
+    (tmp_path / changed).write_text(texts[changed].replace(old, new))
+    os.utime(tmp_path / changed, (2e9, 2e9))  # MuJoCo keeps meshes of one second
+    assert load(tmp_path / "arm.toml").robot().mass == pytest.approx(2.0)

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshes import dae
+from meshes import FACES, dae, stl
 from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.soles import footprint, plausible, points_of
+from wbc.robots.mesh_files import mesh_defect
 
 SIZES = {
     "box": np.array([0.1, 0.05, 0.02]),
@@ -169,3 +170,17 @@ def test_soles_above_the_centre_of_mass_are_refused() -> None:
     xml = xml.replace("0.01 0 0.2", "0.01 0 -0.2")
     with pytest.raises(ModelError, match="above the centre of mass: the z axis of the root must point up"):
         RobotDescription.from_urdf(xml, **FEET)
+
+
+def test_a_binary_stl_without_facets_is_cut_off_and_one_with_all_of_them_is_whole(tmp_path: Path) -> None:
+    whole = stl(FOOT)
+    assert len(whole) == 84 + 50 * len(FACES)
+    file = tmp_path / "foot.stl"
+    for content, said in (
+        (whole, ""),
+        (whole + b"more", ""),
+        (whole[:-1], "cut off"),
+        (bytes(84), "cut off"),
+    ):
+        file.write_bytes(content)
+        assert said in mesh_defect(file) and bool(mesh_defect(file)) == bool(said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from functools import partial
 from pathlib import Path
@@ -13,8 +14,9 @@ from meshes import CORNERS, dae, obj, stl, text_stl
 
 from wbc import Plant, RobotDescription
 from wbc.base.errors import InputError, ModelError, UnknownNameError
+from wbc.core.limits.collision import srdf_pairs
 from wbc.robots import files, load
-from wbc.sim.plant.model import drawing_model
+from wbc.sim.plant.model import drawing_model, furniture
 from wbc.sim.terrain.spec import terrain
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -23,6 +25,8 @@ MJCF = (EXAMPLES / "biped.xml").read_text(encoding="utf-8")
 FEET = {"left_sole": "left_foot", "right_sole": "right_foot"}
 ENCODINGS = {
     "iso-8859-1": "latin-1",
+    "utf-16": "utf-16",
+    "utf-16le": "utf-16-le",
     "UTF-8": "utf-8-sig",
     "cp1252": "cp1252",
 }
@@ -179,6 +183,7 @@ def test_meshes_of_all_units_and_scales_have_their_size_drawn_and_touched(what: 
     model = drawing_model(robot, robot.robot(), terrain("flat"))
     drawn = sorted(np.ptp(model.mesh_vert, axis=0).tolist())  # along its principal axes
     assert drawn == pytest.approx([0.2, 0.3, 0.4], abs=1e-6)
+    assert any("scale" in line for line in robot.derived) == ("one scale" in what)
 
 
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0a\nsize 48284\n"
@@ -187,6 +192,13 @@ BROKEN = {
     "pointer.obj": (LFS, "git lfs pull"),
     "pointer.dae": (LFS, "git lfs pull"),
     "empty.stl": ("", "empty"),
+    "page.stl": ("<!DOCTYPE html><html></html>", "web"),
+    "cut.stl": (stl(CORNERS)[:-60], "cut off"),
+    "short.stl": (b"404: Not Found", "cut off"),
+    "text.stl": (text_stl(CORNERS)[:-200], "cut off"),
+    "cut.obj": (obj(CORNERS)[:60], "cut off"),
+    "cut.dae": (dae(CORNERS, "")[:-300], "cut off"),
+    "nan.stl": (stl(CORNERS * np.nan), "no numbers"),
 }
 
 
@@ -353,10 +365,33 @@ def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> N
             read(halfsitting={"left_knee": 0.9})
 
 
-# Sizes
+# Pipes
 
 
-def test_a_robot_of_too_many_bodies_is_refused() -> None:
+def test_pipes_are_refused_however_an_mjcf_names_them(tmp_path: Path) -> None:
+    """By entities, without a blank before the attribute, through folders and files of any ending, in scenes, too."""
+    (tmp_path / "meshes").mkdir()
+    for name in ("pipe.stl", "pipe.xml", "meshes/other.stl"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "parts.txt").write_text('<mujocoinclude><mesh name="m" file="other.stl"/></mujocoinclude>')
+    for asset in (
+        '<asset><mesh name="m" file="&#112;ipe.stl"/></asset>',
+        "<asset><mesh name='m'file='pipe.stl'/></asset>",
+        '<asset><mesh name="m" file="elsewhere/pipe.stl"/></asset><compiler strippath="true"/>',
+        '<compiler meshdir="m&#x65;shes"/><asset><include file="parts.txt"/></asset>',
+        '<asset><model name="m"file="pipe.xml"/></asset>',
+    ):
+        (tmp_path / "robot.mjcf").write_text(MJCF.replace("<worldbody>", f"{asset}<worldbody>", 1))
+        with pytest.raises(InputError, match="it is a pipe"):
+            RobotDescription.from_mjcf(tmp_path / "robot.mjcf")
+        (tmp_path / "scene.xml").write_text(f"<mujoco>{asset}<worldbody/></mujoco>")
+        with pytest.raises(InputError, match="it is a pipe"):
+            furniture(tmp_path / "scene.xml")
+    with pytest.raises(InputError, match="SRDF.*it is a pipe"):
+        srdf_pairs(tmp_path / "pipe.xml", ("a", "b"))
+
+
+def test_bodies_are_counted_before_mujoco_makes_them() -> None:
     ball = '<geom size="0.1"/>'
     many = "".join(f'<body name="b{i}"><joint/>{ball}</body>' for i in range(2001))
     for inside in (many, f'<replicate count="5000" offset="1 0 0"><body>{ball}</body></replicate>'):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import hashlib
 import io
@@ -47,7 +48,9 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
     with parsing(path, kind):
         found = os.stat(path)
         if not stat.S_ISREG(found.st_mode):
-            raise InputError(f"{_line(path)} cannot be read: it is no regular file")
+            raise InputError(
+                f"{_line(path)} cannot be read: it is {_SORTS.get(stat.S_IFMT(found.st_mode), 'no file')}"
+            )
         if found.st_size > largest:
             raise InputError(f"{_line(path)} has {found.st_size} bytes; a {kind} may have {largest} at most")
         yield Path(path)
@@ -93,18 +96,38 @@ def _line(path: str | Path) -> str:
     return str(path) if str(path).isprintable() else shown_path(path)
 
 
+_SORTS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
 def read_text(path: Path, kind: str = "text file") -> str:
     """Return the content of a text file of some kind without its byte order mark, or raise an `InputError`."""
     with decoding(path, kind) as file:
         return file.read_text(encoding="utf-8-sig")
 
 
+_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+    b"<\0": "utf-16-le",
+    b"\0<": "utf-16-be",
+}
+"""First bytes of an XML file that say its encoding: a byte order mark, or the first letter."""
+
+
 def read_xml(path: Path, kind: str = "XML file") -> str:
-    """Return the content of an XML file, in the encoding of its declaration, else UTF-8."""
+    """Return the content of an XML file, in the encoding of its byte order mark or declaration, else UTF-8."""
     with decoding(path, kind) as file:
         content = file.read_bytes()
+        marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
         declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z][\w.-]*)", content)
-        return content.decode(declared[1].decode() if declared else "utf-8-sig")
+        return content.decode(marked or (declared[1].decode() if declared else "utf-8"))
 
 
 def parse_xml(text: str) -> ElementTree.Element:
@@ -218,7 +241,7 @@ def check_target(
     for given in inputs:
         # The value of a setting may be a file; a file may have an equals sign in its name.
         named = () if given is None else (str(given), str(given).partition("=")[2])
-        if os.path.realpath(target) in map(os.path.realpath, filter(None, named)):
+        if any(name and same_file(target, name) for name in named):
             raise InputError(f"cannot write {what} to {target}: it is read, too; choose another name")
     return target
 
@@ -236,6 +259,15 @@ def _check_writable(path: Path) -> None:
             raise OSError("it is write-protected")
     with tempfile.TemporaryFile(dir=path.resolve().parent):
         pass
+
+
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """Return true if two paths lead to the same file, by symbolic or hard links, too."""
+    one, other = Path(one), Path(other)
+    try:
+        return one.resolve() == other.resolve() or os.path.samefile(one, other)
+    except (OSError, ValueError):  # one of them does not exist, or is no path
+        return False
 
 
 def file_hash(path: str | Path) -> str:

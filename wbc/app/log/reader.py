@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,7 +18,7 @@ from pyarrow import ipc
 
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
-from wbc.app.log.writer import MAGIC, TYPES
+from wbc.app.log.writer import LARGEST_BATCH, MAGIC, TYPES
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
@@ -37,6 +38,10 @@ STREAM = 8
 
 MEMORY = 2**30
 """Largest size that is unpacked as a whole, bytes; of a larger log one signal after the other."""
+
+LARGEST_RATIO = 50
+"""Largest ratio of the unpacked size to that of the file. Batches of 256 rows reach no more than 10, as each of their
+columns has a head of some 50 bytes in the file."""
 
 
 class Log:
@@ -236,6 +241,12 @@ class _Rows:
             if size <= LARGEST_FILE
             else pa.memory_map(str(path)).read_buffer()
         )
+        with contextlib.suppress(pa.ArrowException, OSError, EOFError):  # of a damaged file: `_read` says so
+            for message in ipc.MessageReader.open_stream(self._stream()):
+                if message.body.size > LARGEST_BATCH:
+                    raise InputError(
+                        f"{path} has a batch of {message.body.size} bytes, of at most {LARGEST_BATCH} that wbc writes"
+                    )
         self._table, self.broken = self._read(None)
         self.schema, self.count = ipc.open_stream(self._stream()).schema, int(self._table.num_rows)
 
@@ -254,6 +265,7 @@ class _Rows:
     def _read(self, column: int | None) -> tuple[Any, str | None]:
         """Return a column, or when None all of them, the first one of too many, and the reason for a break."""
         broken, expected, batches, whole = None, 0, [], 0
+        most = max(MEMORY, LARGEST_RATIO * self._content.size)
         try:
             expected = ipc.open_file(pa.BufferReader(self._content)).num_record_batches
         except (pa.ArrowException, OSError) as error:
@@ -267,6 +279,11 @@ class _Rows:
             for batch in reader:
                 batch.validate(full=True)  # offsets of texts and lists are followed without a look
                 whole += batch.nbytes
+                if whole > most:
+                    raise InputError(
+                        f"{self._path} has {self._content.size} bytes and unpacks to more than {most}: wbc has not "
+                        "written it"
+                    )
                 batches.append(batch)
                 if column is None and whole > MEMORY:
                     batches = [each.select([0]) for each in batches]

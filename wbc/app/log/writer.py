@@ -1,17 +1,21 @@
 """Writer of rows to an Arrow IPC file, one batch at a time.
 
-An old log is replaced with the first batch, so that a run that fails at once leaves it. From then on a killed program
-or a full disk leaves a file that holds all batches before the break, which `Log.open` reads. Two programs cannot write
-one log: the second is refused when it begins.
+The file is begun beside the one that it replaces, and takes its place with the first batch, so that a run that fails at
+once leaves the old log. From then on a killed program or a full disk leaves a file that holds all batches before the
+break, which `Log.open` reads. Two programs cannot write one log: the second is refused when it begins.
 """
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import logging
-from collections.abc import Callable
+import os
+import tempfile
+import weakref
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
@@ -20,12 +24,16 @@ from pyarrow import ipc
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
 from wbc.base.errors import InputError
-from wbc.base.files import FileError, check_target, parsing
+from wbc.base.files import BESIDE, FileError, check_target, parsing
 from wbc.base.numbers import Array
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
 loses 5 s instead of 1.3 s."""
+
+LARGEST_BATCH = 2**22
+"""Largest batch in the file, bytes. A small file may hold long rows of equal numbers: one byte of LZ4 stands for 255 at
+most, so that this much unpacks to a gigabyte, whatever the file says."""
 
 MAGIC = b"ARROW1"
 """First bytes of an Arrow IPC file."""
@@ -58,13 +66,13 @@ class LogWriter:
             InputError: The file cannot be written, exists and is not a log, or is being written.
         """
         self.path, self.ended = check_path(path), False
-        self._is_new = not self.path.exists()
-        self._file = _locked(self.path)
+        self._place = _Place(self.path)
         self._failure: str | None = None
         self._rows = self._written = 0
-        self._schema: Any = None
+        self._file: Any = None
         self._out: Any = None
         self._objects: list[list[Any]] = []
+        self._size = 0  # of the rows that wait, bytes, unpacked
 
     def begin(self, signals: Signals, header: dict[str, Any]) -> None:
         """Write the schema; signals cannot be added afterwards."""
@@ -75,12 +83,14 @@ class LogWriter:
         ]
         self._schema = pa.schema(fields, metadata={KEY: encode(header)})
         self._block = np.full((ROWS, signals.width), np.nan)
+        self._attempt(self._open)
 
     def _open(self) -> None:
-        """Begin the file in the place of the old log."""
-        self._file.truncate(0)
+        # Not by its name, which may lead elsewhere meanwhile.
+        self._file = open(self._place.file, "wb", buffering=1 << 20, closefd=False)  # noqa: SIM115
         options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
         self._out = ipc.new_file(self._file, self._schema, options=options)
+        self._file.flush()
 
     @property
     def row(self) -> Array:
@@ -92,13 +102,14 @@ class LogWriter:
         """Finish the current row with its texts and lists; lists are not copied."""
         self._objects.append(objects)
         self._rows += 1
-        if len(self._objects) == ROWS:
+        self._size += 8 * self._block.shape[1] + sum(4 * len(each) for each in objects if each is not None)
+        if len(self._objects) == ROWS or self._size > LARGEST_BATCH // 2:
             self._flush()
 
     def _flush(self) -> None:
-        if self._failure is None and self._objects:
+        if self._failure is None and self._objects and self._place.is_own:
             self._attempt(self._write)
-        self._objects = []
+        self._objects, self._size = [], 0
 
     def _write(self) -> None:
         count = len(self._objects)
@@ -109,10 +120,9 @@ class LogWriter:
             else:  # what is NaN is null where the type has none
                 array = pa.array(numbers[place], from_pandas=signal.kind in ("whole", "flag"))
                 arrays.append(array.cast(TYPES[signal.kind]))
-        if self._out is None:
-            self._open()
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
+        self._place.take()
         self._written += count
 
     def _attempt(self, write: Callable[[], None]) -> None:
@@ -137,32 +147,82 @@ class LogWriter:
         if self.ended:
             return
         self.ended = True
+        if not self._place.is_own:  # the file is that of another process
+            return
         self._flush()
-        if self._out is None and self._failure is None and self._schema is not None:
-            self._attempt(self._open)  # of a log without rows
-        if self._out is not None:
-            self._attempt(self._out.close)
-        self._attempt(self._file.close)
-        if self._is_new and self._out is None:
-            self.path.unlink(missing_ok=True)
+        for part in (self._out, self._file):
+            if part is not None:
+                self._attempt(part.close)
+        if self._out is not None and self._failure is None:
+            self._attempt(self._place.take)  # of a log without rows
+        self._place.leave()
 
 
-def _locked(path: Path) -> BinaryIO:
-    """Open a log to be written, which keeps other programs from it; it is not changed yet."""
-    try:
-        file = path.open("r+b" if path.exists() else "w+b", buffering=1 << 20)
-    except OSError as error:
-        raise InputError(f"cannot write the log {path}: {error.strerror or error}") from error
+class _Place:
+    """Place of a log that one program at a time writes: the new file is beside the old one until it takes its place.
+
+    Both are locked: the old file keeps others from beginning, and the lock of the new one goes with it to its place.
+    The locks end with the program, however it ends.
+
+    Attributes:
+        file: Descriptor of the new file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._target, self._process, self._taken = path.resolve(), os.getpid(), False
+        with contextlib.ExitStack() as opened:
+            try:
+                gone = [] if self._target.exists() else [self._target]
+                old = os.open(self._target, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                opened.callback(os.close, old)
+                _lock(old, self._target)
+                self.file, beside = tempfile.mkstemp(self._target.suffix, BESIDE, self._target.parent)
+                opened.callback(os.close, self.file)
+                os.fchmod(self.file, os.fstat(old).st_mode & 0o777)
+            except OSError as error:
+                raise InputError(f"cannot write the log {self._target}: {error.strerror or error}") from error
+            _lock(self.file, self._target)
+            self._beside = Path(beside)
+            self._descriptors = opened.pop_all()
+        self._finalizer = weakref.finalize(
+            self, _leave, self._process, self._descriptors, (*gone, self._beside)
+        )
+
+    @property
+    def is_own(self) -> bool:
+        """True in the process that has begun the file; False in one that was forked from it."""
+        return os.getpid() == self._process
+
+    def take(self) -> None:
+        """Put the file in the place of the old one, with its permissions; a second call does nothing."""
+        if not self._taken:
+            os.replace(self._beside, self._target)
+            self._taken = True
+            self._finalizer.detach()
+            self._finalizer = weakref.finalize(self, _leave, self._process, self._descriptors, ())
+
+    def leave(self) -> None:
+        """Let other programs write; a file that has not taken its place is removed."""
+        self._finalizer()
+
+
+def _leave(process: int, descriptors: contextlib.ExitStack, files: Sequence[Path]) -> None:
+    """Close descriptors, and remove files in the process that has made them."""
+    for file in files if os.getpid() == process else ():
+        with contextlib.suppress(OSError):
+            file.unlink()
+    descriptors.close()
+
+
+def _lock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        file.close()
         raise InputError(
             f"the log {path} is being written by another recording; wait for it, or choose another name"
         ) from error
     except OSError:  # a file system without locks
         pass
-    return file
 
 
 def check_path(path: str | Path) -> Path:

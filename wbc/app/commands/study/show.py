@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from wbc.app.files import PICTURES, read_object
 from wbc.app.output import Output, Report, reports
-from wbc.base.errors import InputError, one_line
+from wbc.base.errors import InputError, one_line, printable
 from wbc.base.files import check_target, replacing, write_text
 from wbc.base.registry import allow_code
 from wbc.base.settings import settings, to_json
@@ -139,7 +139,8 @@ def table(
     if target is not None and target.suffix.lower() == ".csv":
         frame = study_frame(chosen, entries)
         with replacing(target) as new:
-            frame.to_csv(new, index=False, header=[chosen.titled(name) for name in frame.columns])
+            heads = [_cell(chosen.titled(name)) for name in frame.columns]
+            frame.map(_cell).to_csv(new, index=False, header=heads)
         facts = {"table": str(target), "rows": len(frame), "columns": list(frame.columns), **unused}
         return output.report(
             facts, f"{len(frame)} rows with {len(frame.columns)} columns written to {target}"
@@ -173,6 +174,13 @@ def plot(
     chosen, entries, unused = _results(study, options, part)
     save({chosen.name: draw_study(options.table(chosen, entries))}, target)
     return output.report({"picture": str(target), **unused}, str(target))
+
+
+def _cell(value: Any) -> Any:
+    """Return a value as a spreadsheet shows it: a text that would be a formula gets an apostrophe before it."""
+    if not isinstance(value, str):
+        return value
+    return f"'{printable(value)}" if value.lstrip().startswith(("=", "+", "-", "@")) else printable(value)
 
 
 def _results(
