@@ -13,6 +13,7 @@ from log_writing import made_log
 
 from wbc.app.cli import FAILED, RAN, main
 from wbc.app.commands import walk as walk_command
+from wbc.app.log import writer
 from wbc.app.log.recorder import Recorder
 from wbc.app.log.signals import Signals
 from wbc.app.log.sources import _add_stiffness
@@ -151,10 +152,10 @@ def test_a_recorder_keeps_its_own_spec_and_takes_that_of_a_trial(tmp_path: Path)
 def test_a_log_that_cannot_be_begun_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for error, said in ((OSError(5, "Input/output error"), "Input/output error"), (OSError("boom"), "boom")):
 
-        def fail(*_: Any, error: OSError = error, **__: Any) -> Any:
+        def fail(*_: Any, error: OSError = error, **__: Any) -> int:
             raise error
 
-        monkeypatch.setattr(Path, "open", fail)
+        monkeypatch.setattr(writer.tempfile, "mkstemp", fail)
         with pytest.raises(InputError, match=said):
             LogWriter(tmp_path / "a.arrow")
 
