@@ -154,7 +154,8 @@ NAME = re.compile(r"(wbc(?:\.\w+)+|[A-Z]\w*[a-z]\w*(?:\.\w+)?)(?:\(.*\))?")
 def link_names(app: Sphinx, doctree: nodes.document, docname: str) -> None:
     """Link each name of the library in a page to its entry in the reference, where just one entry has this name.
 
-    In the reference itself this holds for the names in tables alone.
+    `wbc.…` without an entry of its own leads to the page of its package. In the reference itself this holds for the
+    names in tables alone.
     """
     parts = doctree.findall(nodes.table) if docname.startswith("api/") else [doctree]
     literals = [literal for part in parts for literal in part.findall(nodes.literal)]
@@ -167,12 +168,18 @@ def link_names(app: Sphinx, doctree: nodes.document, docname: str) -> None:
     for literal in literals:
         if isinstance(literal.parent, nodes.reference) or not (found := NAME.fullmatch(literal.astext())):
             continue
-        name = found[1]
-        if name not in domain.objects and name.startswith("wbc."):
-            name = name.rpartition(".")[2]
-        same = {
-            (domain.objects[entry].docname, domain.objects[entry].node_id) for entry in entries.get(name, ())
-        }
+        given = found[1]
+        whole = given.startswith("wbc.")
+        name = given.rpartition(".")[2] if whole and given not in domain.objects else given
+        places = [domain.objects[entry] for entry in entries.get(name, ())]
+        if whole:  # a name of the library is that of no method; a module leads to the page of its package
+            places = [place for place in places if place.objtype not in ("method", "attribute", "property")]
+            words = given.split(".")
+            packages = [".".join(words[:k]) for k in range(len(words) - 1, 0, -1)]
+            places = places or [
+                domain.objects[next(package for package in packages if package in domain.objects)]
+            ]
+        same = {(place.docname, place.node_id) for place in places}
         if len(same) == 1:
             page, place = same.pop()
             address = app.builder.get_relative_uri(docname, page)
