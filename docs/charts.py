@@ -11,7 +11,7 @@ from arguments import target
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from wbc.app.plot.style import AMBER, BLUE, ORANGE, SKY
+from wbc.app.plot.style import AMBER, BLUE, GREEN, ORANGE, PINK, SKY
 from wbc.sim.studies.intervals import share_interval
 
 DOCS = Path(__file__).parent
@@ -88,7 +88,7 @@ def draw_shares(
         axis.plot(shares, places, "o", ms=5, color=colour, label=label)
     labels = [", ".join(filter(None, row[:names])) for row in rows]
     axis.set_yticks(np.arange(len(rows)), labels, fontsize=9)
-    axis.invert_yaxis()
+    axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.set_xlabel(what)
     axis.set_xlim(0.0, 102.0)
     axis.grid(axis="x", color="0.9")
@@ -137,59 +137,35 @@ def draw_floors(path: Path) -> None:
     save(figure, path)
 
 
+def draw_own_soles(path: Path) -> None:
+    """Share of walks on own soles that arrive on a soft floor and over tilting plates."""
+    draw_shares(path, table("measured_floors.md", "Free steps, 1.5 m, own flat soles"), {1: (BLUE, "arrive")})
+
+
 def draw_soles(path: Path) -> None:
     """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
-    rows = table("measured_floors.md", "Walks that arrive:")
+    rows = table("measured_floors.md", "Walks that arrive, of 20:")
+    cells = next(cells for floor, *cells in rows if floor == "1e6 N/m³")
     soles = ["own flat sole", "rigid", "soft", "variable"]
-    figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    observers = (("B", "version B, of 8", 8, ORANGE, -0.12), ("C", "of 20", 20, BLUE, 0.12))
-    for name, row, layouts, colour, shift in observers:
-        cells = next(cells for floor, *cells in rows if floor == f"1e6 N/m³, {row}")
-        places = np.arange(len(soles)) + shift
-        for place, found in zip(places, map(numbers, cells), strict=True):
-            done, count = int(sum(found)), layouts * len(found)
-            low, high = share_interval(done, count)
-            axis.plot([100.0 * low, 100.0 * high], [place, place], color=colour, lw=1.8)
-            label = f"version {name} of the observer" if place == places[0] else None
-            axis.plot(100.0 * done / count, place, "o", color=colour, label=label)
-    axis.set_yticks(range(len(soles)), soles, fontsize=9)
-    axis.set_ylim(len(soles) - 0.5, -0.5)
-    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    axis.set_xlim(-2.0, 102.0)
-    axis.set_xlabel("completed (%)")
-    save(figure, path)
-
-
-def draw_pairs(path: Path, corner: str, label: str, legends: tuple[str, str]) -> None:
-    """Two values of a row, each with its legend, joined by a line."""
-    rows = table("measured_floors.md", corner)
-    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
-    without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
-    for i, pair in enumerate(zip(without, with_it, strict=True)):
-        axis.plot(pair, [i, i], color=GREY, lw=2.0, zorder=0)
-    axis.plot(without, range(len(rows)), "o", color=ORANGE, label=legends[0])
-    axis.plot(with_it, range(len(rows)), "o", color=BLUE, label=legends[1])
-    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
-    axis.invert_yaxis()
-    axis.set_xlim(0.0)
-    axis.set_xlabel(label)
-    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    save(figure, path)
-
-
-def draw_sinking(path: Path) -> None:
-    """Error of the estimated height on floors that give."""
-    legends = "version A: feet do not sink", "version C: feet sink"
-    draw_pairs(path, "Error of the height at the end, mm", "error of the height (mm)", legends)
+    shares = [
+        [sole, f"{int(sum(found))} of {20 * len(found)}"]
+        for sole, found in zip(soles, map(numbers, cells), strict=True)
+    ]
+    draw_shares(path, shares, {1: (BLUE, "arrive")})
 
 
 def draw_standing(path: Path) -> None:
     """Largest impulse that a standing robot recovers from, by direction."""
     rows = table("measured_pushes.md", "Largest impulse, Ns/kg")
     figure, axis = plt.subplots(figsize=(8.4, 3.0), layout="constrained")
-    for k, (row, colour) in enumerate(zip(rows, (ORANGE, AMBER, BLUE, SKY), strict=True)):
-        places = np.arange(4) + 0.2 * (k - 1.5)
-        axis.bar(places, [numbers(cell)[0] for cell in row[1:5]], 0.18, color=colour, label=row[0])
+    colours = {"hrp4_class": (ORANGE, AMBER, PINK), "talos": (BLUE, SKY, GREEN)}
+    modes = ["position", "torque", "hybrid"]
+    width = 0.8 / len(rows)
+    for k, row in enumerate(rows):
+        robot, mode = row[0].split(", ")
+        places = np.arange(4) + width * (k - 0.5 * (len(rows) - 1))
+        heights = [numbers(cell)[0] for cell in row[1:5]]
+        axis.bar(places, heights, 0.9 * width, color=colours[robot][modes.index(mode)], label=row[0])
     axis.set_xticks(range(4), ["forward", "left", "back", "right"])
     axis.set_ylabel("largest impulse (Ns/kg)")
     axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
@@ -197,13 +173,16 @@ def draw_standing(path: Path) -> None:
 
 
 def draw_rules(path: Path) -> None:
-    """Gain in held punches of each change, with its interval."""
+    """Gain in held punches of each change, with the exact interval given the number of pairs that differ."""
     rows = table("measured_pushes.md", "What is different | Pairs |")
-    figure, axis = plt.subplots(figsize=(8.4, 1.9), layout="constrained")
+    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
     for i, row in enumerate(rows):
-        gain, low, high = numbers(row[5].replace("+", ""))
-        axis.plot([low, high], [i, i], color=BLUE, lw=1.8)
-        axis.plot(gain, i, "o", color=BLUE)
+        pairs, (gained, lost) = numbers(row[1])[0], (int(value) for value in numbers(row[2]))
+        differ = gained + lost
+        if differ:
+            ends = [100.0 * differ * (2.0 * end - 1.0) / pairs for end in share_interval(gained, differ)]
+            axis.plot(ends, [i, i], color=BLUE, lw=1.8)
+        axis.plot(100.0 * (gained - lost) / pairs, i, "o", color=BLUE)
     axis.axvline(0.0, color="black", lw=1.0)
     axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
     axis.set_ylim(len(rows) - 0.5, -0.5)
@@ -212,9 +191,20 @@ def draw_rules(path: Path) -> None:
 
 
 def draw_slip(path: Path) -> None:
-    """Error of the estimated place after feet have slipped."""
-    legends = "without the rule", "with it"
-    draw_pairs(path, "Error of the place at the end, mm", "error of the place (mm)", legends)
+    """Error of the estimated place after feet have slipped, without and with the rule, joined by a line."""
+    rows = table("measured_floors.md", "Error of the place at the end, mm")
+    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
+    without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
+    for i, pair in enumerate(zip(without, with_it, strict=True)):
+        axis.plot(pair, [i, i], color=GREY, lw=2.0, zorder=0)
+    axis.plot(without, range(len(rows)), "o", color=ORANGE, label="without the rule")
+    axis.plot(with_it, range(len(rows)), "o", color=BLUE, label="with it")
+    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlim(0.0)
+    axis.set_xlabel("error of the place (mm)")
+    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    save(figure, path)
 
 
 def draw_seeing(path: Path) -> None:
@@ -257,11 +247,11 @@ def main() -> None:
     for name, draw in (
         ("measured_floors.svg", draw_floors),
         ("measured_kinematics.svg", draw_kinematics),
+        ("measured_own_soles.svg", draw_own_soles),
         ("measured_policies.svg", draw_policies),
         ("measured_rough.svg", draw_rough),
         ("measured_rules.svg", draw_rules),
         ("measured_seeing.svg", draw_seeing),
-        ("measured_sinking.svg", draw_sinking),
         ("measured_slip.svg", draw_slip),
         ("measured_soles.svg", draw_soles),
         ("measured_standing.svg", draw_standing),

@@ -47,7 +47,7 @@ DOCS = Path(__file__).parent
 
 MADE = re.compile(
     r"^<!-- (?P<what>(?:settings|fields|names) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?(?:: (?P<some>[\w, ]+))?"
-    r"|index of settings|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
+    r"|answers of (?P<page>\w+)|index of settings|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
@@ -88,6 +88,8 @@ def filled(text: str) -> str:
 def _made(match: re.Match[str], page: str) -> str:
     if match["what"] == "index of settings":
         rows = index_rows(page)
+    elif match["page"] is not None:
+        rows = answer_rows(match["page"])
     elif match["kind"] is None:
         rows = TABLES[match["what"]]()
     elif match["what"].startswith("names"):
@@ -295,6 +297,18 @@ def range_of(hint: Any) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.4g}".replace("e+0", "e").replace("e-0", "e-").replace("-", "−")
+
+
+def answer_rows(page: str) -> Iterator[str]:
+    """Questions of a page of measurements, bold at the head of a paragraph, with the first sentence behind each."""
+    yield from ("| Question | Answer |", "|---|---|")
+    heading = ""
+    for line in (DOCS / f"{page}.md").read_text("utf-8").splitlines():
+        if title := re.match(r"##+ (.*)", line):
+            heading = title[1].lower().replace(" ", "-")
+        elif found := re.match(r"\*\*(.+?\?)\*\* (.+?\.)(?= [A-Z`]|$)", line):
+            question, answer = (re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", text) for text in found.groups())
+            yield f"| [{question}]({page}.md#{heading}) | {answer} |"
 
 
 def ground_rows() -> Iterator[str]:

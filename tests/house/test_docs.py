@@ -299,7 +299,7 @@ def test_constants_of_the_law_are_those_of_the_code() -> None:
 
 @pytest.mark.slow
 def test_the_reference_walk_is_that_of_the_last_version(capsys: pytest.CaptureFixture[str]) -> None:
-    """Fails when walks compute something else: then begin a version in measured.md."""
+    """Fails when walks compute something else: then measured.md needs a row of changes."""
     text = " ".join((ROOT / "docs" / "measured.md").read_text(encoding="utf-8").split())
     found = re.search(r"The reference walk is `wbc ([^`]+)`: its errors .*? are (.*?) mm\.", text)
     assert found is not None
