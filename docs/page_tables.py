@@ -47,7 +47,8 @@ DOCS = Path(__file__).parent
 
 MADE = re.compile(
     r"^<!-- (?P<what>(?:settings|fields|names) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?(?:: (?P<some>[\w, ]+))?"
-    r"|answers of (?P<page>\w+)|index of settings|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
+    r"|answers of (?P<page>\w+)|index of settings|gait by speed|terms of policies|commands|grounds|studies) -->\n"
+    r".*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
