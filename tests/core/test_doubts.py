@@ -13,7 +13,7 @@ from at_rest import at_rest, observed
 
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor
-from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.inertial import Correction, InertialFilter, InertialSettings
 from wbc.core.estimation.integrals import time_ratio
 from wbc.core.estimation.legs import LegComparison
 from wbc.core.estimation.observer import Observer
@@ -333,14 +333,18 @@ def test_legs_correct_velocity_tilt_heading_and_bias_by_their_time_constants() -
     turn = np.array([-share * off[1] / (GRAVITY * 3.0), share * off[0] / (GRAVITY * 3.0), yaw * yaw_error])
     np.testing.assert_allclose(inertial.rotation, pin.exp3(turn) @ rotation, atol=1e-12)
     np.testing.assert_allclose(inertial.gyro_bias, -(rotation.T @ turn) / 5.0, atol=1e-12)
-    assert inertial.legs == pytest.approx(tuple(legs)) and inertial.unexplained == 0j
-    assert inertial.turned == pytest.approx(-yaw_error), "the feet have turned against the gyroscope"
+    assert inertial.correction.legs == pytest.approx(tuple(legs)) and inertial.correction.unexplained == 0j
+    assert inertial.correction.turned == pytest.approx(-yaw_error), (
+        "the feet have turned against the gyroscope"
+    )
     left = (1.0 - share) * complex(off[0], off[1])
     before, bias, up = inertial.velocity.copy(), inertial.gyro_bias.copy(), inertial.rotation[2].copy()
     inertial.correct(legs + [0.01, 0.02, 0.0], 0.03, DT)
     found = complex(*(legs + [0.01, 0.02, 0.0] - before)[:2])
-    assert inertial.unexplained == pytest.approx(found - left)
-    assert inertial.turned == pytest.approx(DT * float(up @ bias) - (0.03 - (1.0 - yaw) * yaw_error))
+    assert inertial.correction.unexplained == pytest.approx(found - left)
+    assert inertial.correction.turned == pytest.approx(
+        DT * float(up @ bias) - (0.03 - (1.0 - yaw) * yaw_error)
+    )
 
 
 def test_in_flight_the_velocity_decays_and_nothing_is_known_of_legs() -> None:
@@ -350,10 +354,10 @@ def test_in_flight_the_velocity_decays_and_nothing_is_known_of_legs() -> None:
     inertial.correct(None, 0.5, 0.1)
     np.testing.assert_allclose(inertial.velocity, math.exp(-0.1 / 0.7) * velocity)
     np.testing.assert_array_equal(inertial.rotation, rotation)
-    assert inertial.legs is None and inertial.unexplained == 0j
-    assert inertial.turned == pytest.approx((1.0 - (1.0 - math.exp(-DT / 2.0))) * 0.02)
+    assert inertial.correction.legs is None and inertial.correction.unexplained == 0j
+    assert inertial.correction.turned == pytest.approx((1.0 - (1.0 - math.exp(-DT / 2.0))) * 0.02)
     inertial.correct(None, 0.5, 0.1)
-    assert inertial.turned == 0.0
+    assert inertial.correction.turned == 0.0
 
 
 def test_a_stand_tells_the_bias_about_the_vertical_as_the_mean_over_its_time() -> None:
@@ -369,14 +373,14 @@ def test_a_stand_tells_the_bias_about_the_vertical_as_the_mean_over_its_time() -
             inertial.correct(np.zeros(3), yaw, DT)
             inertial.rotation[:] = np.eye(3)
             yaw_left = math.exp(-DT / 2.0) * yaw
-            drift = inertial.turned / DT
+            drift = inertial.correction.turned / DT
             inertial.gyro_bias[:] = 0.0
             before = inertial._rested
             inertial.learn_bias()
             assert inertial._rested == pytest.approx(min(before + DT, 5.0))
         assert drift == pytest.approx(rate, rel=1e-6)
         np.testing.assert_allclose(inertial._bias_at_rest, [0.0, 0.0, counted * DT / 5.0], rtol=1e-6)
-    inertial.legs = None
+    inertial.correction = Correction()
     inertial._bias_at_rest[:] = 1.0
     inertial.learn_bias()
     np.testing.assert_array_equal(inertial._bias_at_rest, 1.0)

@@ -341,9 +341,9 @@ def test_what_legs_do_and_the_accelerometer_does_not_show_is_unexplained() -> No
         inertial.correct(legs, 0.0, dt)
         if before is not None and shown is not None:
             change = legs - before - shown
-            assert inertial.unexplained == pytest.approx(complex(change[0], change[1]), abs=1e-3)
+            assert inertial.correction.unexplained == pytest.approx(complex(change[0], change[1]), abs=1e-3)
     inertial.correct(None, 0.0, dt)
-    assert inertial.unexplained == 0j and inertial.legs is None
+    assert inertial.correction.unexplained == 0j and inertial.correction.legs is None
 
 
 def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:
@@ -355,11 +355,11 @@ def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:
 
     for _ in range(5):
         tick(0.2, 0.005)
-    assert inertial.turned != 0.0
+    assert inertial.correction.turned != 0.0
     inertial.reset(np.eye(3))
-    assert inertial.turned == 0.0
+    assert inertial.correction.turned == 0.0
     tick(0.0, 0.0)  # in no time the gyro bias, which is kept, turns nothing
-    assert inertial.turned == pytest.approx(0.0, abs=1e-12)
+    assert inertial.correction.turned == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.7, 0.3, 0.6), (-0.3, -0.6, 0.6)])

@@ -15,6 +15,7 @@ from wbc import TorqueControl, balance_controller
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.frozen import FROZEN_AFTER
+from wbc.core.estimation.inertial import Correction
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY
@@ -193,7 +194,7 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
 
     def run(legs: float = 0.0, ground: float = 0.0, share: float = 0.5) -> list[bool]:
         """Ticks after 0.6 s of rest in which it is left out, for the acceleration of the legs and of the ground."""
-        inertial = SimpleNamespace(rotation=turn, legs=(0.0, 0.0))
+        inertial = SimpleNamespace(rotation=turn, correction=Correction(legs=(0.0, 0.0, 0.0)))
         robot = SimpleNamespace(mass=50.0)
         observer = SimpleNamespace(
             inertial=inertial,
@@ -204,7 +205,8 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
         check, found = AccelerometerCheck(DT), []
         for tick in range(-120, 20):
             shown = -4.0 if 0 <= tick < 10 else 0.0
-            inertial.legs = (0.0, inertial.legs[1] + DT * (legs if tick >= 0 else 0.0))
+            speed = inertial.correction.legs[1] + DT * (legs if tick >= 0 else 0.0)
+            inertial.correction = Correction(legs=(0.0, speed, 0.0))
             observer.net_wrench[1] = 50.0 * ground
             measured = at_rest(ROBOT, 0.0, specific_force=turn.T @ [0.0, shown, GRAVITY])
             used = check.check(measured, observer)  # type: ignore[arg-type]
@@ -224,7 +226,7 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
 @pytest.mark.parametrize("late", [0, 1])
 def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(late: int, lost: int) -> None:
     """A push of 40 m/s² on the pelvis of a robot that stands: of all its speed nothing may be lost."""
-    inertial = SimpleNamespace(rotation=np.eye(3), legs=(0.0, 0.0))
+    inertial = SimpleNamespace(rotation=np.eye(3), correction=Correction(legs=(0.0, 0.0, 0.0)))
     observer = SimpleNamespace(
         inertial=inertial,
         robot=SimpleNamespace(mass=50.0),
@@ -234,7 +236,8 @@ def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(la
     check = AccelerometerCheck(DT)
     for tick in range(-120, 16):
         if tick >= late:
-            inertial.legs = (inertial.legs[0] + (1 + lost) * DT * 40.0, 0.0)
+            speed = inertial.correction.legs[0] + (1 + lost) * DT * 40.0
+            inertial.correction = Correction(legs=(speed, 0.0, 0.0))
         push = 40.0 if tick >= 0 else 0.0
         check.check(at_rest(ROBOT, tick * (1 + lost) * DT, specific_force=[push, 0.0, GRAVITY]), observer)  # type: ignore[arg-type]
         assert not check.left_out, tick
@@ -507,7 +510,9 @@ def test_a_foot_that_slaps_down_is_no_fault_of_the_gyroscope(slap: float, doubte
     up = ROBOT.placement(ROBOT.imu_frame).rotation
     for tick in range(-120, 60):
         rolls = 0.0 if tick < 0 else slap if tick < 10 else -0.6  # rad/s
-        inertial = SimpleNamespace(rotation=up, unexplained=0.15j if tick == 12 else 0j)
+        inertial = SimpleNamespace(
+            rotation=up, correction=Correction(unexplained=0.15j if tick == 12 else 0j)
+        )
         seen = observed(ROBOT, foot_rotations=[(0.0, 0.0, 0.0), (rolls, 0.0, 0.0)], inertial=inertial)
         monitor.update(1e-3 * rng.normal(size=len(names)), at_rest(ROBOT, tick * DT), seen)
         found |= bool(monitor.doubts)

@@ -103,7 +103,7 @@ def turn_on_a_plate(observer: Observer, rates: Sequence[float], dt: float, bias:
             k * dt, joints, np.zeros(robot.na), (rate + bias) * up, GRAVITY * up, wrench
         )
         observer.update(measurement, plausible=True)
-        yield observer.inertial.turned
+        yield observer.inertial.correction.turned
 
 
 def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_much() -> None:

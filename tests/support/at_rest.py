@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.estimation.inertial import Correction
 from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -27,7 +28,7 @@ def at_rest(robot: Robot, time: float, **changes: Any) -> Measurement:
 
 def observed(robot: Robot, /, *, slides: Sequence[bool] = (False, False), **parts: Any) -> Any:
     """Return the estimate of a robot that stands upright, with some parts replaced."""
-    inertial = SimpleNamespace(rotation=robot.placement(robot.imu_frame).rotation, unexplained=0j)
+    inertial = SimpleNamespace(rotation=robot.placement(robot.imu_frame).rotation, correction=Correction())
     still: dict[str, Any] = {"inertial": inertial, "load_shares": [0.5, 0.5]}
     still["foot_velocities"] = still["foot_rotations"] = [(0.0, 0.0, 0.0)] * 2
     still["rest"] = FeetAtRest([0.4, 0.6], [False, False], list(slides))

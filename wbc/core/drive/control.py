@@ -365,7 +365,7 @@ class DriveControl(Control):
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
             return self.refuse(failed, error)
-        turned, sinks = observer.inertial.turned, observer.sinking.compliance
+        turned, sinks = observer.inertial.correction.turned, observer.sinking.compliance
         return State(
             estimate, plausible, observer.load, measurement, True, time, None, turned, compliance=sinks
         )

@@ -104,7 +104,7 @@ class AccelerometerCheck:
     def check(self, measurement: Measurement, observer: Observer) -> Measurement:
         """Return a plausible measurement, without the accelerometer's direction where it contradicts all others."""
         inertial, before = observer.inertial, self._legs
-        self._legs = legs = inertial.legs
+        self._legs = legs = inertial.correction.legs
         passed, self._time = measurement.time - self._time, measurement.time
         self._stands = self._stands + self._dt if min(observer.rest.shares) > CARRIES else 0.0
         if before is None or legs is None or self._stands < STANDING:
@@ -221,7 +221,7 @@ class ConsistencyMonitor:
         steady = self._calm >= CALM and sum(self._shares) >= WEIGHT_SHARE
         if self._gyroscope.update(
             carries[-1] if carries else STILL,
-            observer.inertial.unexplained,
+            observer.inertial.correction.unexplained,
             blind=blind,
             steady=steady,
             turns=legs.turns,

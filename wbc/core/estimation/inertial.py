@@ -14,7 +14,7 @@ the integral of the correction, R. Mahony, T. Hamel, J.-M. Pflimlin, IEEE TAC 53
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -59,6 +59,25 @@ STEADY = 0.3
 _HALF = scalar(0.5)
 
 
+class Correction(NamedTuple):
+    """Correction of the inertial estimate by the legs in one period.
+
+    Attributes:
+        legs: Velocity of the IMU point by the legs in the world, m/s; None in flight.
+        unexplained: Change of the legs' horizontal velocity that the accelerometer does not show, x + iy in the world,
+            m/s; zero in flight.
+        turned: Angle by which the feet have turned about the vertical, by the gyroscope, rad: the yaw follows the feet.
+        left: Difference of the legs' horizontal velocity from the estimate that is left, x + iy in the world, m/s.
+        yaw_left: Yaw error that is left, rad.
+    """
+
+    legs: Vector | None = None
+    unexplained: complex = 0j
+    turned: float = 0.0
+    left: complex = 0j
+    yaw_left: float = 0.0
+
+
 class InertialFilter:
     """Filter for attitude, velocity and gyro bias of an IMU.
 
@@ -68,11 +87,7 @@ class InertialFilter:
         steady: Horizontal velocity of that point, x + iy, m/s, which follows the legs with the time constant `STEADY`.
             A foot that begins to slip pulls it less than `velocity`.
         gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
-        unexplained: Change of the legs' horizontal velocity in the last period that the accelerometer does not show,
-            x + iy in the world, m/s; zero in flight.
-        legs: Velocity of the IMU point by the legs in the last period, in the world, m/s; None in flight.
-        turned: Angle by which the feet have turned about the vertical in the last period, by the gyroscope, rad: the
-            yaw follows the feet.
+        correction: Correction in the last period.
     """
 
     def __init__(self, settings: InertialSettings | None = None) -> None:
@@ -81,14 +96,10 @@ class InertialFilter:
         self.velocity: Array = np.zeros(3)
         self.steady = 0j
         self.gyro_bias: Array = np.zeros(3)
-        self.unexplained = 0j
-        self.legs: Vector | None = None
-        self.turned = 0.0
-        self._yaw_left = 0.0  # error that the last correction has left, rad
+        self.correction = Correction()
         self._bias_at_rest = np.zeros(3)
         self._turning = 0.0  # rate by which feet seem to turn in a stand, low-passed, rad/s
         self._rested = UNKNOWN  # time over which `_bias_at_rest` is the mean, s
-        self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
 
@@ -96,9 +107,7 @@ class InertialFilter:
         """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
         self.rotation = np.array(rotation)
         self.take(np.zeros(3) if velocity is None else np.array(velocity))
-        self._last = None
-        self.unexplained, self._left, self.legs = 0j, None, None
-        self.turned = self._yaw_left = 0.0
+        self._last, self.correction = None, Correction()
 
     def take(self, velocity: Array) -> None:
         """Take a velocity of the IMU point in the world over as it is, shape (3,), m/s, as the steady one, too."""
@@ -116,12 +125,14 @@ class InertialFilter:
         `bias_time_constant`. `gyro_bias` is disturbed there for many seconds by feet that have turned in a walk. Feet
         that seem to turn faster than a bias explains do turn, and count as little as a bias would.
         """
-        if self.legs is None:
+        if self.correction.legs is None:
             return
         self._rested = min(self._rested + self._dt, self.settings.bias_time_constant)
         up = self.rotation[2]
         if self._dt > 0.0:
-            self._turning += lag_gain(self._dt, NOISE_TIME) * (self.turned / self._dt - self._turning)
+            self._turning += lag_gain(self._dt, NOISE_TIME) * (
+                self.correction.turned / self._dt - self._turning
+            )
         most = MOST_OFF * self._dt / self._rested
         off = min(max(self._turning * self._dt / self._rested, -most), most)
         off += float(up.dot(self._bias_at_rest - self.gyro_bias))
@@ -145,7 +156,8 @@ class InertialFilter:
         push = middle.dot(force + specific_force)
         push *= half_period
         self.velocity += push
-        self.steady += complex(push[0], push[1])
+        x, y, _ = push.tolist()
+        self.steady += complex(x, y)
         self.velocity[2] -= dt * GRAVITY
         self.rotation = middle.dot(half)
 
@@ -155,25 +167,23 @@ class InertialFilter:
         The velocity is that of the IMU point in the world, m/s, None in flight; the error is the yaw of the IMU from
         the feet minus that of the filter, rad.
         """
-        s, self.legs = self.settings, legs
+        s, last = self.settings, self.correction
         if legs is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
-            self.unexplained, self._left = 0j, None
-            self.turned, self._yaw_left = self._yaw_left, 0.0
+            self.correction = Correction(turned=last.yaw_left)
             return
         (x, y, z), (u, v, w) = legs, self.velocity.tolist()
         found = complex(x - u, y - v)
         gain, yaw = lag_gain(dt, s.velocity_time_constant), lag_gain(dt, s.yaw_time_constant)
         self.velocity += np.array((gain * (x - u), gain * (y - v), gain * (z - w)))
         self.steady += lag_gain(dt, STEADY) * (complex(x, y) - self.steady)
-        self.unexplained = 0j if self._left is None else found - self._left
-        self._left = found * (1.0 - gain)
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.
         tilt, slowly = gain / (GRAVITY * s.tilt_time_constant), 1.0 / s.bias_time_constant
         roll, pitch, heading = -tilt * found.imag, tilt * found.real, yaw * yaw_error
         drift = dt * float(self.rotation[2].dot(self.gyro_bias - self._bias_at_rest))
-        self.turned = drift - (yaw_error - self._yaw_left)
-        self._yaw_left = (1.0 - yaw) * yaw_error
+        unexplained = 0j if last.legs is None else found - last.left
+        turned, yaw_left = drift - (yaw_error - last.yaw_left), (1.0 - yaw) * yaw_error
+        self.correction = Correction(legs, unexplained, turned, found * (1.0 - gain), yaw_left)
         # In plain numbers: NumPy takes three times as long to divide an array by one.
         self.gyro_bias -= np.array((slowly * roll, slowly * pitch, slowly * heading)).dot(self.rotation)
         self.rotation = pin.exp3(np.array((roll, pitch, heading))).dot(self.rotation)

@@ -6,6 +6,7 @@ soft phalanges: the sole need not be flat or parallel to the ground. The base po
 weighted by its load; the joint velocities with the anchors at rest give the base velocity, which the IMU smooths
 (`wbc.core.estimation.inertial`). The headings of the feet bound the drift of the gyroscope's yaw, except of a foot that
 spins: on one stone, or on an edge, a sole has no area that resists torsion, and its heading says nothing of the body's.
+`Observer.update` has the order of a tick: each of its lines takes what those above it return.
 
 For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
 that its material point at the centre of pressure has.
@@ -28,7 +29,7 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import STILL, FootEstimate, wrapped, yaw_of
+from wbc.core.estimation.foot import STILL, FootEstimate, FootMotion, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.rest import FeetAtRest, RestDetector
@@ -132,9 +133,9 @@ class Observer:
         self._v = np.zeros(robot.nv)
         delay = self.settings.delay
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
-        # Views of base and joints, and of place and attitude of the base and their rates: quicker than slices.
+        # Views of base and joints, and of the pose of the base and its rates: quicker than slices.
         self._parts = self._q[:7], self._q[7:], self._v[:6], self._v[6:]
-        self._base = self._q[:3], self._q[3:7], self._v[:3], self._v[3:6]
+        self._base = self._q[:7], self._v[:3], self._v[3:6]
         self._frames = self._imu, *self._soles
         # Live views of Pinocchio's frames.
         imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
@@ -166,13 +167,13 @@ class Observer:
     @property
     def foot_velocities(self) -> list[Vector]:
         """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, along the world axes, m/s."""
-        (x, y, z), motions = self._imu_motion, [foot.motion for foot in self._feet]
-        return [(u - x, v - y, w - z) for u, v, w in motions]
+        x, y, z = self._imu_motion
+        return [(u - x, v - y, w - z) for u, v, w in (motion.velocity for motion in self._motions)]
 
     @property
     def foot_rotations(self) -> list[Vector]:
         """Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s."""
-        return [foot.rotation for foot in self._feet]
+        return [motion.rotation for motion in self._motions]
 
     @property
     def net_wrench(self) -> Array:
@@ -193,12 +194,16 @@ class Observer:
         if self.outside is not None:
             self.outside.reset()
         self.sinking.reset()
-        self._wrenches = [[0.0] * 6] * len(robot.soles)
-        self._feet = [FootEstimate(sole, robot.placement(sole.frame)) for sole in robot.soles]
+        self._feet = [
+            FootEstimate(sole, robot.placement(sole.frame), self._min_load, self.sinking)
+            for sole in robot.soles
+        ]
         n = len(self._feet)
         self._detector, self.load_shares = RestDetector(n), [0.0] * n
         self.rest = FeetAtRest([0.0] * n, [False] * n, [False] * n)
-        # Velocity of the IMU in the world while the base does not move but turns, m/s.
+        # Of the last tick: wrenches on the soles, motions of the feet, and that of the IMU while the base only turns.
+        self._wrenches = [[0.0] * 6] * n
+        self._motions = [FootMotion(STILL, STILL, STILL, STILL, STILL, 0.0)] * n
         self._imu_motion: Vector = STILL
 
     @property
@@ -239,33 +244,38 @@ class Observer:
         """
         if not plausible:
             self._check(measurement)
-        first = self.time is None
-        dt = 0.0 if self.time is None else measurement.time - self.time
-        self.time = measurement.time
-
+        if soles is not None and len(soles) != len(self._feet):
+            raise InputError(f"one sole placement for each of {len(self._feet)} soles, got {len(soles)}")
         inertial, gyro = self.inertial, measurement.angular_velocity
-        imu_rate = self._move_joints(measurement)
-        inertial.predict(gyro, measurement.specific_force, dt)
-        base = inertial.rotation.dot(self._imu_rotation_t)
-        spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - base.dot(imu_rate.angular)
-        self.rest = rest = self._move_feet(measurement, base.tolist(), spin.tolist(), imu_rate, dt, first)
-        legs, yaw_error = self._imu_by_legs(rest.shares)
-        if legs is not None and (first or rest.struck):
-            inertial.take(np.array(legs))
-        elif legs is None and any(rest.slides):
-            inertial.return_to_steady()
-        inertial.correct(legs, yaw_error, dt)
-        if rest.sliding and legs is not None:
-            inertial.take(inertial.velocity)
+        before, self.time = self.time, measurement.time
+        dt = 0.0 if before is None else measurement.time - before
+        first = before is None
 
-        base = inertial.rotation.dot(self._imu_rotation_t)
-        base_velocity = inertial.velocity - np.array(self._imu_motion)
-        turn = base.tolist()
-        self._update_position(turn, base_velocity, soles, dt)
-        place, attitude, linear, angular = self._base
-        place[:], attitude[:] = self._position, quaternion(turn)
-        np.dot(base_velocity, base, out=linear)
-        np.dot(spin, base, out=angular)
+        imu = self._move_joints(measurement)
+        inertial.predict(gyro, measurement.specific_force, dt)
+        turn = inertial.rotation.dot(self._imu_rotation_t)  # of the base
+        spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - turn.dot(imu.angular)
+        base, rate = turn.tolist(), spin.tolist()
+        self._imu_motion = self._turning_imu(imu, base, rate)
+        self._wrenches = measurement.wrenches.tolist()
+        self._motions = motions = self._move_feet(self._wrenches, base, rate, dt, first)
+        self.load_shares = self._shares()
+        self.rest = rest = self._at_rest(motions, self.load_shares, self._imu_motion, dt, first)
+        legs, yaw_error = self._imu_by_legs(motions, rest.shares, self._imu_motion)
+        self._correct(legs, yaw_error, rest, dt, first)
+
+        turn = inertial.rotation.dot(self._imu_rotation_t)
+        base, velocity = turn.tolist(), inertial.velocity - np.array(self._imu_motion)
+        reach = turned_all(base, [motion.point for motion in motions])
+        self._sink(reach, dt)
+        if soles is not None:
+            self._follow(soles, motions, base, dt)
+        self._position = self._place(reach, velocity, dt)
+        self._settle(reach, motions, base, dt)
+        pose, linear, angular = self._base
+        pose[:] = *self._position, *quaternion(base)
+        np.dot(velocity, turn, out=linear)
+        np.dot(spin, turn, out=angular)
         if self._predictor is not None:
             self._update_robot(*self._predictor.ahead(self._q, self._v))
         else:
@@ -284,33 +294,47 @@ class Observer:
             pin.updateFramePlacement(model, data, frame)
         return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
-    def _move_feet(
-        self, m: Measurement, base: Rotation, spin: Vector, imu_rate: pin.Motion, dt: float, first: bool
-    ) -> FeetAtRest:
-        """Take in what the feet bear and how they move, and return which of them rest.
+    def _turning_imu(self, imu: pin.Motion, base: Rotation, spin: Vector) -> Vector:
+        """Return the velocity of the IMU in the world while the base turns but does not move, m/s.
 
-        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `imu_rate` is the velocity
-        of the IMU in the base frame.
+        `imu` is its velocity in the base frame, `base` the rotation of the base, `spin` its angular velocity in the
+        world, rad/s.
         """
-        s, model, data, inertial = self.settings, self.robot.model, self._data, self.inertial
-        moving, at_imu = turned_all(base, (imu_rate.linear.tolist(), self._imu_position.tolist()))
-        self._imu_motion = x, y, z = add_cross(moving, spin, at_imu)
-        least, gains = self._min_load, (1.0, 1.0)  # the first tick is unfiltered
+        moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
+        return add_cross(moving, spin, at_imu)
+
+    def _move_feet(
+        self, wrenches: Sequence[Vector], base: Rotation, spin: Vector, dt: float, first: bool
+    ) -> list[FootMotion]:
+        """Take in what the feet bear, and return how they move; rotation and spin are as in `_turning_imu`."""
+        s, model, data = self.settings, self.robot.model, self._data
+        gains = 1.0, 1.0  # the first tick is unfiltered
         if not first:
             gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
-        self._wrenches = wrenches = m.wrenches.tolist()
-        loads: list[float] = []
-        for foot, sole, wrench, (rotation, place) in zip(
-            self._feet, self._soles, wrenches, self._sole_frames, strict=True
+        motions: list[FootMotion] = []
+        for foot, frame, (rotation, place), wrench in zip(
+            self._feet, self._soles, self._sole_frames, wrenches, strict=True
         ):
-            foot.bear(wrench, base, (rotation.tolist(), place.tolist()), gains, least, self.sinking, dt)
-            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
-            loads.append(max(foot.load - least, 0.0))
+            rate = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            sole = rotation.tolist(), place.tolist()
+            motions.append(foot.update(wrench, sole, rate, base, spin, gains, dt))
+        return motions
+
+    def _shares(self) -> list[float]:
+        """Return the shares of the load that the feet bear; zeros while no foot bears one."""
+        least = self._min_load
+        loads = [max(foot.load - least, 0.0) for foot in self._feet]
         total = sum(loads)
-        self.load_shares = shares = [load / total for load in loads] if total > 0.0 else loads
-        u, v, w = inertial.velocity.tolist()
-        expected, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
-        return self._detector.update(self._feet, shares, expected, steady, s.slip + self.sinking.speed, dt)
+        return [load / total for load in loads] if total > 0.0 else loads
+
+    def _at_rest(
+        self, motions: Sequence[FootMotion], loads: Sequence[float], imu: Vector, dt: float, first: bool
+    ) -> FeetAtRest:
+        """Return the feet that rest by the inertial velocity of the base; `imu` is that of the IMU while it turns."""
+        (u, v, w), (x, y, z) = self.inertial.velocity.tolist(), imu
+        velocity = None if first else (u - x, v - y, w - z)
+        steady, slip = self.inertial.steady - complex(x, y), self.settings.slip + self.sinking.speed
+        return self._detector.update(motions, loads, velocity, steady, slip, dt)
 
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
@@ -322,71 +346,82 @@ class Observer:
         if not math.isfinite(m.time) or (self.time is not None and m.time < self.time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
-    def _imu_by_legs(self, shares: Sequence[float]) -> tuple[Vector | None, float]:
+    def _imu_by_legs(
+        self, motions: Sequence[FootMotion], shares: Sequence[float], imu: Vector
+    ) -> tuple[Vector | None, float]:
         """Return the velocity of the IMU by the feet that rest, m/s, None in flight, and the error of its yaw, rad.
 
-        The velocity is in the world. A foot that spins tells no yaw: its heading follows.
+        The velocity is in the world; `imu` is the part of it that the base has by turning. A foot that spins tells no
+        yaw: its heading follows.
         """
         if not any(shares):
             return None, 0.0
-        vx = vy = vz = (
-            0.0  # of the base: minus the velocity that the anchors would have if the base only turned
-        )
-        yaw_error = 0.0
-        for foot, share in zip(self._feet, shares, strict=True):
+        # Of the base: minus the velocity that the anchors would have if the base only turned.
+        vx = vy = vz = yaw_error = 0.0
+        for foot, motion, share in zip(self._feet, motions, shares, strict=True):
             if share == 0.0:
                 continue
-            x, y, z = foot.motion
+            x, y, z = motion.velocity
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-            if abs(foot.rotation[2]) > self.settings.spin:
-                foot.turn()
+            if abs(motion.rotation[2]) > self.settings.spin:
+                foot.yaw = motion.heading
             else:
-                yaw_error += share * wrapped(foot.yaw - foot.ahead)
-        x, y, z = self._imu_motion
+                yaw_error += share * wrapped(foot.yaw - motion.heading)
+        x, y, z = imu
         return (vx + x, vy + y, vz + z), yaw_error
 
-    def _update_position(
-        self, base: Rotation, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
+    def _correct(
+        self, legs: Vector | None, yaw_error: float, rest: FeetAtRest, dt: float, first: bool
     ) -> None:
-        """Update the base position from the anchors; anchors of feet with little load follow the base.
+        """Correct attitude and velocity by the legs; a foot that slips or has struck the ground counts otherwise."""
+        inertial = self.inertial
+        if legs is not None and (first or rest.struck):
+            inertial.take(np.array(legs))
+        elif legs is None and any(rest.slides):
+            inertial.return_to_steady()
+        inertial.correct(legs, yaw_error, dt)
+        if rest.sliding and legs is not None:
+            inertial.take(inertial.velocity)
 
-        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; `base` is the
-        rotation of the base.
-        """
-        feet, shares = self._feet, self.rest.shares
-        reach = turned_all(base, [foot.point for foot in feet])
-        yaws = [yaw_of(axis) for axis in turned_all(base, [foot.axis for foot in feet])]
-        self.sinking.update(
-            [foot.load for foot in feet],
-            [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
-            dt,
-            carry=all(self.load_shares),
-        )
-        if soles is not None:
-            self._follow(soles, base, dt)
-        if any(shares):
-            x = y = z = 0.0
-            for share, foot, (u, v, w) in zip(shares, feet, reach, strict=True):
+    def _sink(self, reach: Sequence[Vector], dt: float) -> None:
+        """Learn the compliance of the ground from loads and heights; `reach` are the CoPs from the base, world axes."""
+        loads = [foot.load for foot in self._feet]
+        heights = [height - foot.rolled for (_, _, height), foot in zip(reach, self._feet, strict=True)]
+        self.sinking.update(loads, heights, dt, carry=all(self.load_shares))
+
+    def _follow(
+        self, soles: Sequence[pin.SE3 | None], motions: Sequence[FootMotion], base: Rotation, dt: float
+    ) -> None:
+        """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
+        gain = lag_gain(dt, self.settings.reference_time_constant)
+        for share, foot, motion, sole in zip(self.rest.shares, self._feet, motions, soles, strict=True):
+            if sole is not None and share != 0.0:
+                (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)
+                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)
+
+    def _place(self, reach: Sequence[Vector], velocity: Array, dt: float) -> Vector:
+        """Return the place of the base in the world, m: by the anchors, in flight by its velocity, m/s."""
+        x = y = z = 0.0
+        if any(self.rest.shares):
+            for share, foot, (u, v, w) in zip(self.rest.shares, self._feet, reach, strict=True):
                 at_x, at_y, at_z = foot.anchor
                 x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
-        else:
-            (x, y, z), (u, v, w) = self._position, base_velocity.tolist()
-            x, y, z = x + dt * u, y + dt * v, z + dt * w
-        self._position = (x, y, z)
-        # Anchors whose distance changes settle; equal gains leave their common position and yaw unchanged.
-        common = sum(
-            share * wrapped(foot.yaw - yaw) for share, foot, yaw in zip(shares, feet, yaws, strict=True)
-        )
+            return x, y, z
+        (x, y, z), (u, v, w) = self._position, velocity.tolist()
+        return x + dt * u, y + dt * v, z + dt * w
+
+    def _settle(
+        self, reach: Sequence[Vector], motions: Sequence[FootMotion], base: Rotation, dt: float
+    ) -> None:
+        """Let anchors whose distance changes settle, and those of feet without a share follow the base.
+
+        Equal gains leave the common position and yaw of the anchors unchanged.
+        """
+        feet, shares, (x, y, z) = self._feet, self.rest.shares, self._position
+        yaws = [yaw_of(axis) for axis in turned_all(base, [motion.axis for motion in motions])]
+        common = 0.0
+        for share, foot, yaw in zip(shares, feet, yaws, strict=True):
+            common += share * wrapped(foot.yaw - yaw)
         slip = lag_gain(dt, self.settings.slip_time_constant)
         for share, foot, (u, v, w), yaw in zip(shares, feet, reach, yaws, strict=True):
             foot.draw((x + u, y + v, z + w), yaw + common, 1.0 if share == 0.0 else slip)
-
-    def _follow(self, soles: Sequence[pin.SE3 | None], base: Rotation, dt: float) -> None:
-        """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
-        if len(soles) != len(self._feet):
-            raise InputError(f"one sole placement for each of {len(self._feet)} soles, got {len(soles)}")
-        gain = lag_gain(dt, self.settings.reference_time_constant)
-        for share, foot, sole in zip(self.rest.shares, self._feet, soles, strict=True):
-            if sole is not None and share != 0.0:
-                (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, foot.arm)
-                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)

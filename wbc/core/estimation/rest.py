@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.base.vectors import Vector
-from wbc.core.estimation.foot import FootEstimate
+from wbc.core.estimation.foot import FootMotion
 
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot rested, over the time, m/s²."""
@@ -69,7 +69,7 @@ class RestDetector:
 
     def update(
         self,
-        feet: Sequence[FootEstimate],
+        feet: Sequence[FootMotion],
         loads: Sequence[float],
         velocity: Vector | None,
         steady: complex,
@@ -79,32 +79,29 @@ class RestDetector:
         """Find the feet that rest in one tick.
 
         Args:
-            feet: Feet that have taken in their motion.
+            feet: Motions of the feet in this tick.
             loads: Share of the load that each of them bears.
             velocity: Inertial velocity of the base in the world, m/s; None in the first tick, in which all feet rest.
             steady: Its steady horizontal part, x + iy, m/s.
             slip: Greatest speed of a foot that stands, m/s.
             dt: Time since the last tick, s.
         """
-        unaided, count = self._unaided + dt, len(feet)
-        if velocity is None:
-            lifts, slides, moves, quick = ([False] * count for _ in range(4))
-        else:
+        unaided = self._unaided + dt
+        lifts, slides, moves, quick = ([False] * len(feet) for _ in range(4))
+        if velocity is not None:
             fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
-            lifts, slides, moves, quick = [], [], [], []
             u, v, w = velocity
             for i, (foot, load) in enumerate(zip(feet, loads, strict=True)):
-                x, y, z = foot.motion
+                x, y, z = foot.velocity
                 speed, rise = math.hypot(x + u, y + v, z + w), z + w
-                self._carried[i] = self._carried[i] + dt if load > CARRIES else 0.0
-                along = self._along(foot, self._carried[i], steady)
+                self._carried[i] = carried = self._carried[i] + dt if load > CARRIES else 0.0
+                along = self._along(foot, carried, steady)
                 self._sunk[i] = self._sunk[i] + dt if rise < -fastest and load > 0.0 else 0.0
-                lifts.append(abs(rise) > fastest)
-                slides.append(along > farthest and not lifts[i])
-                moves.append(speed > fastest)
-                quick.append(speed > slip or along > SLIDES)
-        if True in slides and all(self._carried) and _alike(feet):
-            slides = [False] * count
+                lifts[i], moves[i] = abs(rise) > fastest, speed > fastest
+                slides[i] = along > farthest and not lifts[i]
+                quick[i] = speed > slip or along > SLIDES
+            if True in slides and all(self._carried) and _alike(feet):
+                slides = [False] * len(feet)
         parts = [0.0 if moves[i] or slides[i] else load for i, load in enumerate(loads)]
         total, struck = sum(parts), False
         if total == 0.0:
@@ -120,16 +117,16 @@ class RestDetector:
             self._unaided, self._sliding = 0.0, False
         return FeetAtRest([part / total for part in parts], lifts, slides, struck, self._sliding)
 
-    def _along(self, foot: FootEstimate, carried: float, steady: complex) -> float:
+    def _along(self, foot: FootMotion, carried: float, steady: complex) -> float:
         """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip yet."""
         if carried <= (0.0 if self._sliding else SETTLED):
             return 0.0
-        (x, y, _), (u, v, _) = foot.motion, foot.rotation
+        (x, y, _), (u, v, _) = foot.velocity, foot.rotation
         speed = abs(complex(x, y) + steady)
         return speed if self._sliding else speed - TURNS * math.hypot(u, v)
 
 
-def _alike(feet: Sequence[FootEstimate]) -> bool:
+def _alike(feet: Sequence[FootMotion]) -> bool:
     """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
-    (a, b, _), (c, d, _) = feet[0].motion, feet[-1].motion
+    (a, b, _), (c, d, _) = feet[0].velocity, feet[-1].velocity
     return len(feet) > 1 and math.hypot(a - c, b - d) < SLIDES
