@@ -17,8 +17,8 @@ from task_factory import standing
 import wbc
 from wbc.base.errors import InputError, MeasurementError
 from wbc.core.drive.position import PositionControl
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
-from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.limits.base import Limit
 from wbc.core.limits.obstacles import _points_inside
 from wbc.core.qp.move import DirectionCoordinates

@@ -12,12 +12,12 @@ import pytest
 from at_rest import at_rest, observed
 
 from wbc.base.errors import MeasurementError
-from wbc.core.estimation.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.integrals import time_ratio
+from wbc.core.estimation.checks.legs import LegComparison
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.inertial import Correction, InertialFilter, InertialSettings
-from wbc.core.estimation.integrals import time_ratio
-from wbc.core.estimation.legs import LegComparison
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.wrenches import FORCE_STD, MOMENT_STD, TORQUE_STD, WRENCH_STD, WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS

@@ -12,9 +12,9 @@ import pytest
 import wbc
 from wbc.base.errors import InputError
 from wbc.core.drive.gate import CommandGate
-from wbc.core.estimation.consistency import _common
+from wbc.core.estimation.checks.consistency import _common
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.friction import mean_distance, rectangle_wrench_cone
 from wbc.core.qp.released import LAG, RESPONSE
 from wbc.core.robot import GRAVITY

@@ -13,7 +13,7 @@ import pytest
 
 import wbc
 from wbc.base.errors import InputError, MeasurementError, ModelError
-from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
+from wbc.core.estimation.checks.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.qp.move import Coordinates, Move, PoseCoordinates, RotationCoordinates, least_turn
 from wbc.core.qp.solving.solution import Layout, Solution, Timings
 from wbc.core.qp.solving.solver import Status

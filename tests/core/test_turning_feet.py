@@ -11,9 +11,9 @@ import pinocchio as pin
 import pytest
 from measured_biped import UP, biped, errors, measurements, noisy
 
-from wbc.core.estimation.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 

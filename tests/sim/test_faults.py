@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
-from wbc.core.estimation.optional import OPTIONAL
+from wbc.core.estimation.checks.optional import OPTIONAL
 from wbc.core.signals import SIGNALS
 from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk

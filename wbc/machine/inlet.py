@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from wbc.base.errors import MeasurementError
-from wbc.core.estimation.integrals import time_ratio
-from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.estimation.checks.integrals import time_ratio
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.robot import Robot
 from wbc.core.signals import SIGNALS, Measurement
 

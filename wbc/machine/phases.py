@@ -15,8 +15,8 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.drive.control import Control
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
+from wbc.core.estimation.checks.integrals import REAL_TIME
 from wbc.core.estimation.falls import FallDetector
-from wbc.core.estimation.integrals import REAL_TIME
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.machine.commands import Parking, mixed, with_gains

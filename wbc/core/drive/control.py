@@ -28,7 +28,7 @@ from wbc.base.settings import Positive
 from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
-from wbc.core.estimation.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.consistency import ConsistencyMonitor
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller

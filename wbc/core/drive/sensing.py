@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
 from wbc.base.settings import settings
-from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
+from wbc.core.estimation.checks.accelerometer import AccelerometerCheck
+from wbc.core.estimation.checks.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.falls import FallDetector
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement

@@ -247,9 +247,9 @@ class Observer:
         if soles is not None and len(soles) != len(self._feet):
             raise InputError(f"one sole placement for each of {len(self._feet)} soles, got {len(soles)}")
         inertial, gyro = self.inertial, measurement.angular_velocity
-        before, self.time = self.time, measurement.time
-        dt = 0.0 if before is None else measurement.time - before
-        first = before is None
+        first = self.time is None
+        dt = 0.0 if self.time is None else measurement.time - self.time
+        self.time = measurement.time
 
         imu = self._move_joints(measurement)
         inertial.predict(gyro, measurement.specific_force, dt)
@@ -259,21 +259,21 @@ class Observer:
         self._imu_motion = self._turning_imu(imu, base, rate)
         self._wrenches = measurement.wrenches.tolist()
         self._motions = motions = self._move_feet(self._wrenches, base, rate, dt, first)
-        self.load_shares = self._shares()
-        self.rest = rest = self._at_rest(motions, self.load_shares, self._imu_motion, dt, first)
+        self.load_shares = loads = self._shares()
+        self.rest = rest = self._at_rest(motions, loads, self._imu_motion, dt, first)
         legs, yaw_error = self._imu_by_legs(motions, rest.shares, self._imu_motion)
         self._correct(legs, yaw_error, rest, dt, first)
 
         turn = inertial.rotation.dot(self._imu_rotation_t)
         base, velocity = turn.tolist(), inertial.velocity - np.array(self._imu_motion)
         reach = turned_all(base, [motion.point for motion in motions])
-        self._sink(reach, dt)
+        self._sink(reach, loads, dt)
         if soles is not None:
-            self._follow(soles, motions, base, dt)
-        self._position = self._place(reach, velocity, dt)
-        self._settle(reach, motions, base, dt)
+            self._follow(soles, motions, rest.shares, base, dt)
+        self._position = place = self._place(reach, rest.shares, velocity, dt)
+        self._settle(reach, motions, rest.shares, base, place, dt)
         pose, linear, angular = self._base
-        pose[:] = *self._position, *quaternion(base)
+        pose[:] = *place, *quaternion(base)
         np.dot(velocity, turn, out=linear)
         np.dot(spin, turn, out=angular)
         if self._predictor is not None:
@@ -383,27 +383,35 @@ class Observer:
         if rest.sliding and legs is not None:
             inertial.take(inertial.velocity)
 
-    def _sink(self, reach: Sequence[Vector], dt: float) -> None:
-        """Learn the compliance of the ground from loads and heights; `reach` are the CoPs from the base, world axes."""
+    def _sink(self, reach: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
+        """Learn the compliance of the ground from loads and heights; `reach` are the CoPs from the base, world axes.
+
+        Both feet carry where both have shares of the load.
+        """
         loads = [foot.load for foot in self._feet]
         heights = [height - foot.rolled for (_, _, height), foot in zip(reach, self._feet, strict=True)]
-        self.sinking.update(loads, heights, dt, carry=all(self.load_shares))
+        self.sinking.update(loads, heights, dt, carry=all(shares))
 
     def _follow(
-        self, soles: Sequence[pin.SE3 | None], motions: Sequence[FootMotion], base: Rotation, dt: float
+        self,
+        soles: Sequence[pin.SE3 | None],
+        motions: Sequence[FootMotion],
+        shares: Sequence[float],
+        base: Rotation,
+        dt: float,
     ) -> None:
         """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
         gain = lag_gain(dt, self.settings.reference_time_constant)
-        for share, foot, motion, sole in zip(self.rest.shares, self._feet, motions, soles, strict=True):
+        for share, foot, motion, sole in zip(shares, self._feet, motions, soles, strict=True):
             if sole is not None and share != 0.0:
                 (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)
                 foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)
 
-    def _place(self, reach: Sequence[Vector], velocity: Array, dt: float) -> Vector:
+    def _place(self, reach: Sequence[Vector], shares: Sequence[float], velocity: Array, dt: float) -> Vector:
         """Return the place of the base in the world, m: by the anchors, in flight by its velocity, m/s."""
         x = y = z = 0.0
-        if any(self.rest.shares):
-            for share, foot, (u, v, w) in zip(self.rest.shares, self._feet, reach, strict=True):
+        if any(shares):
+            for share, foot, (u, v, w) in zip(shares, self._feet, reach, strict=True):
                 at_x, at_y, at_z = foot.anchor
                 x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
             return x, y, z
@@ -411,13 +419,19 @@ class Observer:
         return x + dt * u, y + dt * v, z + dt * w
 
     def _settle(
-        self, reach: Sequence[Vector], motions: Sequence[FootMotion], base: Rotation, dt: float
+        self,
+        reach: Sequence[Vector],
+        motions: Sequence[FootMotion],
+        shares: Sequence[float],
+        base: Rotation,
+        place: Vector,
+        dt: float,
     ) -> None:
         """Let anchors whose distance changes settle, and those of feet without a share follow the base.
 
         Equal gains leave the common position and yaw of the anchors unchanged.
         """
-        feet, shares, (x, y, z) = self._feet, self.rest.shares, self._position
+        feet, (x, y, z) = self._feet, place
         yaws = [yaw_of(axis) for axis in turned_all(base, [motion.axis for motion in motions])]
         common = 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):

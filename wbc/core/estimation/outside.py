@@ -102,8 +102,8 @@ class OutsideWrench:
         self._residual.value -= wrench
         self.wrench = self.wrench - wrench
 
-    def update(self, wrenches: Array, dt: float) -> Array:
-        """Take in measured wrenches on the soles, shape (soles, 6), after dt, s; return `wrench`, a new array.
+    def update(self, wrenches: Array, dt: float) -> None:
+        """Take in measured wrenches on the soles, shape (soles, 6), after dt, s; `wrench` is then a new array.
 
         The robot's kinematics are up to date.
         """
@@ -116,16 +116,15 @@ class OutsideWrench:
         self._waits = s.wait if touched else self._waits - dt
         if not self._residual.started or dt <= 0.0 or self._waits > 0.0:
             self._residual.follow(momentum)
-            return self.wrench
+            return
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         self._residual.update(momentum, known, dt)
         ahead = direction(robot.data.oMi[1].rotation)
         if self._tared < s.tare:
             if self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
                 self._learn(ahead.conjugate(), weight, dt)
-            return self.wrench
+            return
         self.wrench = self._residual.value - _turned(self.tare, ahead)
-        return self.wrench
 
     def _momentum_now(self) -> Array:
         """[linear; angular about the CoM] of the model as it is, in the world, kg m/s and kg m²/s."""

@@ -23,9 +23,9 @@ from wbc.base.errors import MeasurementError
 from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
-from wbc.core.estimation.optional import OptionalSignals
-from wbc.core.estimation.refusal import Refusal, numbers_of
-from wbc.core.estimation.stamps import Stamps, stamp_of
+from wbc.core.estimation.checks.optional import OptionalSignals
+from wbc.core.estimation.checks.refusal import Refusal, numbers_of
+from wbc.core.estimation.checks.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.signals import SIGNALS, Measurement
 

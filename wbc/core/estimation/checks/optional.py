@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.base.errors import MeasurementError
 from wbc.base.numbers import FLOAT64, Array
-from wbc.core.estimation.refusal import Refusal, numbers_of
+from wbc.core.estimation.checks.refusal import Refusal, numbers_of
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 

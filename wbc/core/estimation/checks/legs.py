@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
@@ -29,81 +30,95 @@ MEMORY = 0.3
 SMOOTHING = 0.03
 """Low-pass of speeds, s."""
 
-LASTING = 0.1
-"""Time for which a contradiction of force sensors must last, s."""
-
-MOVES = 0.15
-"""Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s; see `MORE`."""
-
-MORE = 3.0
-"""Ratio of that velocity to that of the other leg from which on the foot moves."""
-
-ALONE = 0.6
-"""Least share of the weight that the foot which seems to carry the robot reports."""
-
-SILENT = 0.05
-"""Greatest share of the weight that the other one reports then."""
-
-RESTS = 0.1
-"""Speed of the feet against each other up to which both stand, m/s."""
-
-MISSING = 0.35
-"""Share of the weight that force sensors do not report, of a robot that may be lighter by 30 % than its description."""
-
-NEARLY = 0.15
-"""Greatest difference of the vertical specific force from gravity, over gravity, at which the ground must carry it."""
-
-CARRYING = 0.4
-"""Share of the load from which on a foot carries."""
-
-SETTLED = 0.04
-"""Time for which it must have carried until its turn is compared, s: the blow of its landing moves leg and IMU as no
-model knows."""
-
-TURN = 0.05
-"""Speed from which on a foot turns, rad/s."""
-
-LEGS = 0.03
-"""Velocity from which on an error of the gyroscope shows in the legs, m/s."""
-
-DIFFERENT = 0.65
-"""Greatest difference of what the legs show from this velocity, over it; it is 1 if the foot truly turns."""
-
-TURNING = 0.06
-"""Time for which all this must last, s."""
-
 OFFSET = 1.0
 """Time constant with which a lasting difference, an accelerometer's bias, is taken for normal, s."""
 
-FOOT_SPIN = 0.5
-"""Speed about the vertical above which a foot on the ground slides, so that speeds are not compared, rad/s."""
 
-SLAP = 2.0
-"""Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s."""
+class CarrierThresholds(NamedTuple):
+    """Thresholds of the comparison of force sensors with the legs.
 
-SLAPPED = 0.05
-"""Time for which legs and accelerometer are not compared after that, s: the foot leaves the ground in part, and its end
-is a blow."""
+    In walks (see `wbc.core.estimation.checks.consistency`) the leg that carries moves by 0.05 m/s against the
+    accelerometer at most, under pushes by 0.08 m/s.
 
-SPEED_DIFFERENCE = 0.035
-"""Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
-seems to turn: one that turns, as on stones, moves the accelerometer, too; an error of the gyroscope does not."""
+    Attributes:
+        moves: Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s.
+        more: Ratio of that velocity to that of the other leg from which on the foot moves.
+        alone: Least part of the weight that the foot which seems to carry the robot reports.
+        silent: Greatest part of the weight that the other one reports then.
+        rests: Speed of the feet against each other up to which both stand, m/s.
+        missing: Part of the weight that force sensors do not report, of a robot that may be lighter by 30 % than its
+            description.
+        nearly: Greatest difference of the vertical specific force from gravity, over gravity, at which the ground must
+            carry the weight.
+        lasting: Time for which a contradiction must last, s.
+    """
 
-STANCE_ROTATION = 0.05
-"""Speed from which on the foot on the ground seems to turn, rad/s."""
+    moves: float = 0.15
+    more: float = 3.0
+    alone: float = 0.6
+    silent: float = 0.05
+    rests: float = 0.1
+    missing: float = 0.35
+    nearly: float = 0.15
+    lasting: float = 0.1
 
-SUSPICION = 0.1
-"""Time for which the difference must be too large while the robot stays calm, s."""
 
-# Where wrenches are estimated, the loads of feet that land come late, and legs seem to jerk.
-BLIND = 1.5
-"""Factor of the greatest difference there."""
+class TurnThresholds(NamedTuple):
+    """Thresholds of a foot that seems to turn as only a wrong gyroscope explains.
 
-BLIND_SUSPICION = 0.15
-"""Time for which it must be too large there, s."""
+    In walks the difference is 0.34 at least, for 0.02 s at most.
 
-REMEMBERED = 1.0
-"""Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
+    Attributes:
+        supports: Share of the load from which on a foot supports the robot, so that its leg tells how the IMU moves.
+        settled: Time for which it must have done so, s: the blow of its landing moves leg and IMU as no model knows.
+        turn: Speed from which on a foot turns, rad/s.
+        velocity: Velocity from which on an error of the gyroscope shows in the legs, m/s.
+        different: Greatest difference of what the legs show from this velocity, over it; it is 1 if the foot truly
+            turns.
+        lasting: Time for which all this must last, s.
+    """
+
+    supports: float = 0.4
+    settled: float = 0.04
+    turn: float = 0.05
+    velocity: float = 0.03
+    different: float = 0.65
+    lasting: float = 0.06
+
+
+class GyroscopeThresholds(NamedTuple):
+    """Thresholds of the comparison of the gyroscope with the leg that stands.
+
+    A foot that turns, as on stones, moves the accelerometer, too; an error of the gyroscope does not. In walks
+    the difference is 0.024 m/s at most.
+
+    Attributes:
+        difference: Greatest difference between the speeds of legs and accelerometer within `MEMORY`, m/s, while the
+            foot on the ground seems to turn.
+        turn: Speed from which on the foot on the ground seems to turn, rad/s.
+        lasting: Time for which the difference must be too large while the robot stays calm, s.
+        blind: Factor of the greatest difference where wrenches are estimated: there the loads of feet that land come
+            late, and legs seem to jerk.
+        blind_lasting: Time for which it must be too large there, s.
+        spin: Speed about the vertical above which a foot on the ground slides, so that speeds are not compared, rad/s.
+        slap: Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s.
+        slapped: Time for which legs and accelerometer are not compared after that, s: the foot leaves the ground in
+            part, and its end is a blow.
+        remembered: Time for which a doubt stays, s: the difference fades while the gyroscope stays wrong.
+    """
+
+    difference: float = 0.035
+    turn: float = 0.05
+    lasting: float = 0.1
+    blind: float = 1.5
+    blind_lasting: float = 0.15
+    spin: float = 0.5
+    slap: float = 2.0
+    slapped: float = 0.05
+    remembered: float = 1.0
+
+
+CARRIER, TURN, GYROSCOPE = CarrierThresholds(), TurnThresholds(), GyroscopeThresholds()
 
 
 class LegComparison:
@@ -161,14 +176,14 @@ class LegComparison:
             self.turns |= self._turns(leg, change, complex(q, -p), share)
         (x, y, z), (u, v, w) = feet
         self._between = a, b, c = part_way(self._between, (x - u, y - v, z - w), gain)
-        self.together = a * a + b * b + c * c < RESTS**2
+        self.together = a * a + b * b + c * c < CARRIER.rests**2
 
     def _turns(self, leg: _Leg, change: complex, turn: complex, share: float) -> bool:
         """Return True if a foot seems to turn as only a wrong gyroscope explains; see `_Leg`."""
         dt, keep, gain = self._dt, self._keep, self._gain
-        if share <= CARRYING:
+        if share <= TURN.supports:
             leg.leave()
-        elif leg.carried >= SETTLED:
+        elif leg.carried >= TURN.settled:
             leg.moved = keep * leg.moved + change
             leg.tilt = keep * leg.tilt + dt * turn
             leg.expected = keep * leg.expected + self._height * (turn - leg.turn) - GRAVITY * dt * leg.tilt
@@ -177,12 +192,12 @@ class LegComparison:
             leg.smooth_expected += gain * (leg.expected - leg.smooth_expected)
             leg.smooth_turn += gain * (turn - leg.smooth_turn)
             size = abs(leg.smooth_expected)
-            alike = abs(leg.smooth_moved - leg.smooth_expected) < DIFFERENT * size
-            explained = size > LEGS and abs(leg.smooth_turn) > TURN and alike
+            alike = abs(leg.smooth_moved - leg.smooth_expected) < TURN.different * size
+            explained = size > TURN.velocity and abs(leg.smooth_turn) > TURN.turn and alike
             leg.since = leg.since + dt if explained else 0.0
         leg.turn = turn
-        leg.carried += dt if share > CARRYING else 0.0
-        return leg.since >= TURNING
+        leg.carried += dt if share > TURN.supports else 0.0
+        return leg.since >= TURN.lasting
 
     def compare(self, shares: Sequence[float], gravity: float) -> None:
         """Compare the force sensors with the motion of the feet in one tick.
@@ -192,20 +207,20 @@ class LegComparison:
             gravity: Vertical specific force over gravity, after a low-pass.
         """
         carrying = 0 if shares[0] > shares[1] else 1
-        few = shares[1 - carrying] < SILENT
-        alone = carrying if few and shares[carrying] > ALONE else None
+        few = shares[1 - carrying] < CARRIER.silent
+        alone = carrying if few and shares[carrying] > CARRIER.alone else None
         if alone != self._alone and alone is not None:  # its swing is over
             for leg in self._legs:
                 leg.parted = leg.smooth = STILL
         self._alone = alone
         sizes = [math.hypot(*leg.smooth) for leg in self._legs]
-        moves = alone is not None and sizes[carrying] > max(MOVES, MORE * sizes[1 - carrying])
-        nearly = abs(gravity - 1.0) < NEARLY
-        missing = few and self.together and nearly and shares[0] + shares[1] < 1.0 - MISSING
+        moves = alone is not None and sizes[carrying] > max(CARRIER.moves, CARRIER.more * sizes[1 - carrying])
+        nearly = abs(gravity - 1.0) < CARRIER.nearly
+        missing = few and self.together and nearly and shares[0] + shares[1] < 1.0 - CARRIER.missing
         for i, wrong in enumerate((moves, missing)):
             self._since[i] = self._since[i] + self._dt if wrong else 0.0
-        self.swapped = self._since[0] >= LASTING
-        self.silent = 1 - carrying if self._since[1] >= LASTING else None
+        self.swapped = self._since[0] >= CARRIER.lasting
+        self.silent = 1 - carrying if self._since[1] >= CARRIER.lasting else None
 
 
 class _Leg:
@@ -268,14 +283,13 @@ class GyroscopeComparison:
             steady: True for a calm robot on its feet.
             turns: True if a foot turns as only a wrong gyroscope explains (`LegComparison`).
         """
-        most, lasting = (
-            (BLIND * SPEED_DIFFERENCE, BLIND_SUSPICION) if blind else (SPEED_DIFFERENCE, SUSPICION)
-        )
+        g = GYROSCOPE
+        most, lasting = (g.blind * g.difference, g.blind_lasting) if blind else (g.difference, g.lasting)
         u, v, w = stance
-        self._slapped = SLAPPED if math.hypot(u, v) > SLAP else self._slapped - self._dt
+        self._slapped = g.slapped if math.hypot(u, v) > g.slap else self._slapped - self._dt
         if turns:
-            self._doubted = REMEMBERED
-        if not steady or abs(w) > FOOT_SPIN or self._slapped > 0.0:  # or slides, or steps out of a push
+            self._doubted = g.remembered
+        if not steady or abs(w) > g.spin or self._slapped > 0.0:  # or slides, or steps out of a push
             self._suspected = 0.0
             self._drift, self._parted, unexplained = self._offset, 0j, 0j
         self._drift = drift = self._keep * self._drift + unexplained
@@ -285,8 +299,8 @@ class GyroscopeComparison:
             self._suspected += self._dt
             x, y, z = self._turned
             self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
-            if self._suspected >= lasting and math.hypot(*self._turned) > STANCE_ROTATION * self._suspected:
-                self._doubted = REMEMBERED
+            if self._suspected >= lasting and math.hypot(*self._turned) > g.turn * self._suspected:
+                self._doubted = g.remembered
         elif self._suspected:
             self._suspected, self._turned = 0.0, STILL
         if self._doubted <= 0.0:
