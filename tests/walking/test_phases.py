@@ -251,6 +251,23 @@ def test_soles_that_turn_on_the_ground_turn_the_landings_back_about_the_foot_tha
         assert (step.x, step.y) == pytest.approx((c * x + s * y, -s * x + c * y - 0.0875))
 
 
+@pytest.mark.parametrize(
+    ("between", "part"), [(0.0, 0.5), (0.005, 0.5), (0.0125, 0.75), (-0.0125, 0.75), (0.02, 1.0), (0.06, 1.0)]
+)
+def test_a_foot_meets_level_ground_half_as_quickly_as_uneven_ground(between: float, part: float) -> None:
+    """`between` is the height between the feet after the last landing, m."""
+    w = walking()
+    w.ground.land(0.0, between)
+    until(w, ideal, Event.LIFT_OFF)
+    swing, speed = w.swing, w.phases.gait.landing_speed
+    assert swing is not None
+    (_, _, z), (_, _, down) = swing.motion(w.phases.duration)
+    assert z == pytest.approx(swing.landing.z, abs=1e-9) and down == pytest.approx(-part * speed)
+    height = w.phases.gait.landing_height
+    (_, _, z), (_, _, down) = swing.motion(w.phases.duration - height / (0.5 * (1.0 + part) * speed))
+    assert z == pytest.approx(swing.landing.z + height, abs=1e-9) and down == pytest.approx(-speed)
+
+
 @pytest.mark.parametrize("last_leaves", [False, True])
 def test_feet_that_slide_on_the_ground_land_on_the_footsteps_of_the_plan(*, last_leaves: bool) -> None:
     """Each foot slides by d after its landing, by the encoders; a foot that swings is where the foot that stands is.

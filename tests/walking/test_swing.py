@@ -134,13 +134,15 @@ def test_a_short_swing_lifts_its_foot_as_high_as_legs_can_in_its_time() -> None:
     assert max(high.at(t).placement.translation[2] for t in np.linspace(0.0, 0.16, 99)) > 0.1
 
 
-def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time() -> None:
-    foot = swing()
-    slow = GAIT.landing_height / GAIT.landing_speed
-    for t in np.linspace(0.8 - slow, 0.8, 21):
-        motion = foot.at(t)
-        assert motion.velocity[2] == pytest.approx(-GAIT.landing_speed)
-        assert motion.placement.translation[2] == pytest.approx((0.8 - t) * GAIT.landing_speed)
+@pytest.mark.parametrize("touch", [1.0, 0.5])
+def test_ground_that_comes_early_is_met_gently_and_ground_that_comes_in_time_more_so(touch: float) -> None:
+    foot, speed = SwingFoot(HERE.placement, THERE, 0.8, GAIT.swing._replace(touch=touch)), GAIT.landing_speed
+    slow = GAIT.landing_height / (0.5 * (1.0 + touch) * speed)
+    motions = [foot.at(t) for t in np.linspace(0.8 - slow, 0.8, 21)]
+    speeds = np.array([-motion.velocity[2] for motion in motions])
+    heights = [motion.placement.translation[2] for motion in motions]
+    assert (speeds[0], speeds[-1]) == pytest.approx((speed, touch * speed)) and (np.diff(speeds) < 1e-9).all()
+    assert (heights[0], heights[-1]) == pytest.approx((GAIT.landing_height, 0.0), abs=1e-9)
     # Asked to land in 0.15 s it has no time for that, and still lands at that speed.
     foot.retarget(0.5, THERE, 0.65)
     assert foot.at(0.65).velocity[2] == pytest.approx(-GAIT.landing_speed)

@@ -199,7 +199,7 @@ class SwingFoot:
             self._c["pitch"].follow(start, down)
 
     def _plan_height(self, now: float) -> None:
-        """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""
+        """Plan the height: up to the apex, down at the landing speed and slower, on down where no ground comes."""
         shape, landing, end = self.shape, self.landing, self.duration
         speed, height = shape.landing_speed, shape.landing_height
         if shape.quickest > 0.0 and now > 0.0:
@@ -207,8 +207,12 @@ class SwingFoot:
             self.duration = end = max(end, now + shape.quickest * math.sqrt(drop / GRAVITY))
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.
-        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, ROUNDING) + shape.piece:
-            down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
+        slow = 2.0 * height / max((1.0 + shape.touch) * speed, ROUNDING)
+        if height > 0.0 and end - max(now, self.apex_time) > slow + shape.piece:
+            down = [
+                (end - slow, (landing.z + height, -speed, 0.0)),
+                (end, (landing.z, -shape.touch * speed, 0.0)),
+            ]
         down.append((end + shape.search_time, (landing.z - shape.search_depth, 0.0, 0.0)))
         top = max(self.lifted, landing.z, self.over) + shape.swing_height
         if shape.lift < math.inf:

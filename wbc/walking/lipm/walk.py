@@ -60,6 +60,12 @@ of that in a step, rad."""
 DEBOUNCE = 0.01
 """Time that the load of a touch-down must last, s."""
 
+SOFT = 0.5
+"""Speed at touch-down over that at the landing height, on level ground."""
+
+EVEN = (0.005, 0.02)
+"""Height between the feet in the last steps up to which the ground counts as level, and from which on as uneven, m."""
+
 
 class LipmWalk(ReferenceSource):
     """Walk of one robot along planned steps: those of a plan, a velocity, a goal or a planner.
@@ -350,7 +356,10 @@ class LipmWalk(ReferenceSource):
         landing = self.ground.expect(step, self._near(step))
         phases.set_landing(landing, carry=False)
         # Where what is seen is not there, the ground is where it was felt.
-        shape = shape._replace(search_depth=shape.search_depth + self.ground.raised)
+        shape = shape._replace(
+            touch=1.0 - (1.0 - SOFT) * self.ground.level(*EVEN),
+            search_depth=shape.search_depth + self.ground.raised,
+        )
         start = places[1 - phases.stance]
         self.swing = SwingFoot(start, landing, phases.duration, shape, self.ground.way(start, landing))
         self._replan()

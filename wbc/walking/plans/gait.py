@@ -35,10 +35,11 @@ class SwingShape(NamedTuple):
     takeoff_time: float  # time in which the foot only rises after lift-off, s
     landing_time: float  # time in which the foot only sinks before touch-down, s
     landing_speed: float  # downward speed at touch-down, m/s
-    landing_height: float  # height over the landing below which the foot sinks at that speed, m
+    landing_height: float  # height over the landing below which the foot is no faster, m
     search_depth: float  # depth below the landing to which the foot searches for ground that comes late, m
     search_time: float  # time from touch-down as planned until the foot is at that depth, s
     lift_speed: float = 0.0  # upward speed at lift-off, m/s
+    touch: float = 1.0  # speed at touch-down over that at the landing height, if there is one
     # Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
     edge: float = EDGE_SHARE
     heel: float = HEEL  # pitch of a foot that rises onto a stair, rad
@@ -108,7 +109,7 @@ class Gait:
         apex: Time of the highest point as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
         takeoff_time: Time after lift-off in which the foot only rises, s.
         landing_time: Time before touch-down in which the foot only sinks, s.
-        landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
+        landing_speed: Downward speed at touch-down, m/s; half of it on level ground, and in a plan with stairs.
         landing_height: Height above the landing below which the foot sinks at `landing_speed`, m, so that higher ground
             is also met gently. 0 in a plan with stairs, whose heights are known.
         search_depth: Depth below the landing to which the foot searches for lower ground, m.
