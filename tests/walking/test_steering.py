@@ -182,7 +182,7 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
     steering.command((0.2, 0.0, 0.0))
     longer = settings.slow_time - settings.step_time
     for held in (0.0, 0.4, 1.0):
-        steering.held = held
+        steering.supported = held
         for share, slow in ((0.0, 1.0), (1.0, 1.0), (1.6, 0.4), (2.5, 0.0)):
             steering.velocity, steering.turn = (-share * settings.cruise, 0.0), 0.0
             assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
@@ -195,7 +195,7 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
 
 def test_steps_of_a_second_walk_begin_with_the_time_of_those_of_the_first(settings: SteppingSettings) -> None:
     steering, place = steered(settings), (0.0, 0.0)
-    steering.held, times = 1.0, []
+    steering.supported, times = 1.0, []
     for _ in range(2):
         assert steering.step_time == settings.step_time, "nothing asks for steps in a stand"
         steering.command((0.2, 0.0, 0.0))

@@ -98,7 +98,7 @@ def test_the_table_of_free_steps_is_in_units_of_the_robot() -> None:
     np.testing.assert_allclose(feet.swing(0.0), 1.0)
     np.testing.assert_allclose(feet.swing(1.0), [10.0, 10.0, 3.0, 1.0, 1.0, 1.0])
     np.testing.assert_allclose(feet.swing(-1.0), 0.03)
-    np.testing.assert_allclose(feet.held, [*[1000.0] * 3, *[8.3 * h**2] * 3])
+    np.testing.assert_allclose(feet.single, [*[1000.0] * 3, *[8.3 * h**2] * 3])
     np.testing.assert_allclose(feet.firm, [*[1000.0] * 3, *[2780.0 * h**2] * 3])
     assert table.reaching == 0.03
     for contact in table.contacts:

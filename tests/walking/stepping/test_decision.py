@@ -145,12 +145,12 @@ def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_pa
     """t² a √3/10 about where it is; the places stay within those of steps."""
     made, time = decision(), 0.05
     way = math.sqrt(3.0) / 10.0 * CONSTANTS.swing_push * time**2
-    low, high = made._reached(stance_at((0.05, 0.3, 0.0, 0.0)), time)
+    low, high = made._way(stance_at((0.05, 0.3, 0.0, 0.0))).reached(time, made._places)
     here = np.array([0.05 + CONSTANTS.carrying, 0.3])
     np.testing.assert_allclose((low, high), (here - way, here + way), atol=1e-12)
-    low, high = made._reached(stance_at((-0.9, 0.1, 0.0, 0.0)), time)
+    low, high = made._way(stance_at((-0.9, 0.1, 0.0, 0.0))).reached(time, made._places)
     assert low == (-SETTINGS.reach, SETTINGS.gap) and high[0] == -SETTINGS.reach
-    low, high = made._reached(stance_at((0.9, 1.9, 0.0, 0.0)), time)
+    low, high = made._way(stance_at((0.9, 1.9, 0.0, 0.0))).reached(time, made._places)
     assert high == (SETTINGS.reach, SETTINGS.widest) == low
 
 
@@ -326,8 +326,8 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
             for foot in ((-0.1, 0.15), (0.0, 0.25), (0.1, 0.4)):
                 made = decision()
                 stance = stance_at((foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
-                made._put_down_at = made._put_down(stance, (ahead, -beyond))
-                near, far = (place[0] for place in made._reached(stance, closing))
+                made._put_down = made._puts_down(stance, (ahead, -beyond))
+                near, far = (place[0] for place in made._way(stance).reached(closing, made._places))
                 there = (min(max(ahead * math.exp(OMEGA * closing), near), far), SETTINGS.gap)
                 ways = []
                 for place, time in ((foot, min(closing, 0.06)), (there, closing)):
@@ -337,10 +337,11 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
                 if abs(ways[0] - ways[1]) > 1e-9:
                     assert made.closes == (ways[0] < ways[1]), (ahead, beyond, foot)
                     mirrored = stance_at((-foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
-                    assert (decision()._put_down(mirrored, (-ahead, -beyond)) is not None) == made.closes
+                    assert (decision()._puts_down(mirrored, (-ahead, -beyond)) is not None) == made.closes
                     found.add(made.closes)
                 if made.closes:
-                    assert made._put_down_at == (pytest.approx(0.11), made._reached(stance, 0.06))
+                    reached = made._way(stance).reached(0.06, made._places)
+                    assert made._put_down == (pytest.approx(0.11), reached)
     assert found == {True, False}
 
 
@@ -354,7 +355,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
 ) -> None:
     """An offset within the area that counts is left to it; twice as far, all of it is made good by the landing."""
     made, time = decision(), SETTINGS.step_time
-    made.area.level = 1.0
+    made.area.evenness = 1.0
     wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, _stance(made, (0.0, 0.0), time))
     caught = made.area.caught(CONSTANTS.caught)[axis]
     left = off * (caught[1] if sign > 0.0 else caught[0])
@@ -367,7 +368,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
-    made.decide(stance, wish, 2.0 * time, None, kept=True)
+    made.decide(stance, wish, 2.0 * time, None, promised=True)
     assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
     made.decide(stance, wish, 2.0 * time, None)
     assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
@@ -382,7 +383,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     grown = math.exp(-OMEGA * 0.8 * time)
     end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
     stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
-    made.decide(stance._replace(climbs=True), wish, 1.2 * time, None, kept=True)
+    made.decide(stance._replace(climbs=True), wish, 1.2 * time, None, promised=True)
     ahead, _ = stance.axes.offset(*made.place)
     assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"

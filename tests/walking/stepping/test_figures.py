@@ -217,7 +217,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
     """The mean time of steps, and the share of the sole that has held, come to those of the last steps."""
     gait = gait_on(LEVEL)
     step, area = gait.step, gait.step.decision.area
-    step._pace, gait.steering.held = 0.9, 0.0
+    step._pace, gait.steering.supported = 0.9, 0.0
     share = min(0.5 * area.widest / CONSTANTS.slow_width, 1.0)
     off = [1.0, 1.0]
     for _ in range(3):
@@ -232,7 +232,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         assert (gait.felt.stance, gait.steps_done) == (1 - before, done + 1)
         off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
         assert step._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
-        assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
+        assert gait.steering.supported == pytest.approx(share * (1.0 - off[1]))
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.5])
@@ -351,7 +351,7 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait = gait_on(LEVEL)
     gait.felt.begin(GaitPhase.SINGLE, 1)
     ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
-    gait.steering.held = 1.0
+    gait.steering.supported = 1.0
     for planned, speed in ((ahead, 0.2 / CONSTANTS.plan_time), (ahead[:1], 0.0)):
         gait.footsteps = planned
         steps = gait._steer()
@@ -369,9 +369,9 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
 def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
     gait.ground.expect_at(rise)
-    assert gait.step._com_level() == 0.0, "no stair is known"
+    assert gait.step._com_ground() == 0.0, "no stair is known"
     gait.step._climbs = True
-    assert gait.step._com_level() == pytest.approx(0.5 * rise)
+    assert gait.step._com_ground() == pytest.approx(0.5 * rise)
 
 
 @pytest.mark.parametrize(
@@ -412,7 +412,7 @@ def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() 
         (1.0, 0.1, CONSTANTS.plan_time),
         (0.0, -0.1, SETTINGS.slow_time),
     ):
-        gait.steering.held, gait.stair = held, climbs
+        gait.steering.supported, gait.stair = held, climbs
         gait._steer()
         assert gait.step_time == pytest.approx(time, rel=0.02), "a little more for the length of the step"
     gait.footsteps = ()

@@ -127,7 +127,7 @@ def test_a_step_takes_the_time_that_its_record_says() -> None:
     body.gait.steering.command((0.1, 0.0, 0.0))
 
     def hold(tick: Tick) -> None:
-        body.gait.steering.held = 1.0
+        body.gait.steering.supported = 1.0
         if Event.LIFT_OFF in tick.reference.progress.events:
             lift_offs.append((tick.time, body.ticks[-2].reference.progress.cycle))
 

@@ -117,7 +117,7 @@ def test_gains_and_costs_of_free_steps_go_with_the_size_of_the_robot() -> None:
             np.testing.assert_allclose(b, k**power * np.asarray(a), rtol=1e-9)
     turning = np.array([1.0, 1.0, 1.0, k**2, k**2, k**2])
     np.testing.assert_allclose(two.swing["weight"], turning * one.swing["weight"])
-    for part in ("held", "firm"):
+    for part in ("single", "firm"):
         np.testing.assert_allclose(getattr(two.feet, part), turning * getattr(one.feet, part))
     for a, b in zip((*one.trunk, one.twist), (*two.trunk, two.twist), strict=True):
         np.testing.assert_allclose(b["weight"], k**2 * np.asarray(a["weight"]))

@@ -276,7 +276,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
         )
         tasks.follow(single)
         carrying, other = tasks.contacts[stands], tasks.contacts[1 - stands]
-        np.testing.assert_allclose(carrying.motion_weight, stance.held, err_msg=name)
+        np.testing.assert_allclose(carrying.motion_weight, stance.single, err_msg=name)
         np.testing.assert_allclose(carrying.centre, (law.carrying + 0.01, -0.004, 0.0))
         alone = not all(touching)
         assert carrying.min_force == pytest.approx(law.carried if alone else 0.2 * law.least_force)

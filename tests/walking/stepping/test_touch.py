@@ -56,6 +56,7 @@ def carries(
 ) -> bool:
     """Return True if the foot in contact is to carry, in steps in place that have a heading, rad."""
     axes = StanceAxes(1.0 if stance == 1 else -1.0, (math.cos(yaw), math.sin(yaw)), POINT)
+    touch.track(met=True, at_edge=False)
     return touch.is_to_carry(axes, STILL, LAW.patience, fast_share, late=late)
 
 
@@ -118,7 +119,7 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
     far = Divergent(0.0, 0.0, OMEGA)  # half way: waiting would help
     touch, felt = touching(stance, 300.0)
     felt.dcm = far
-    touch.track_pressure(met=False)
+    touch.track(met=False, at_edge=True)
     assert not carries(touch, stance) and carries(touch, stance, late=True)
     for swing, stands, unloads in (
         (1.01 * LAW.held, 0.99 * LAW.held, True),
@@ -127,7 +128,7 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
     ):
         touch, felt = touching(stance, swing, stands)
         felt.dcm = far
-        touch.track_pressure(met=False)
+        touch.track(met=False, at_edge=True)
         ticks = math.ceil(0.5 * LAW.lost_time / DT + 1e-9)
         for tick in range(1, ticks + 2):
             assert carries(touch, stance, fast_share=0.5) == (unloads and tick * DT > 0.5 * LAW.lost_time)
@@ -154,7 +155,7 @@ def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance:
         places = [(0.0, 0.0, 0.0)] * 2
         places[1 - stance] = (*foot, 0.0)
         felt.state.places, felt.contact = tuple(places), (*contact, 0.0)
-        touch.track_pressure(met=False)
+        touch.track(met=False, at_edge=True)
         expected = takes_over(tuple(there), tuple(here), STILL, LAW.stretch, LAW.wait, LAW.patience)
         assert carries(touch, stance, yaw) == expected
         found.add(expected)
@@ -163,10 +164,10 @@ def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance:
 
 def test_where_a_foot_in_contact_carries_is_low_passed_from_its_carrying_point_on() -> None:
     touch, felt = touching(1, 300.0)
-    touch.track_pressure(met=False)
+    touch.track(met=False, at_edge=True)
     assert touch._carrying == felt.state.places[0]
     for tick in range(1, 30):
-        touch.track_pressure(met=True)
+        touch.track(met=True, at_edge=True)
         share = 1.0 - math.exp(-tick * DT / LAW.cop_lag)
         np.testing.assert_allclose(touch._carrying, (0.03 * share, 0.11, 0.0), atol=1e-12)
 

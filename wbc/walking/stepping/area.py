@@ -18,10 +18,10 @@ class HeldArea:
     Attributes:
         ahead: Edges behind and ahead, m.
         aside: Edges to the right and to the left, m.
-        level: Share from 0 to 1 by which the ground counts as level.
+        evenness: Share from 0 to 1 by which the ground counts as level.
     """
 
-    level = 0.0
+    evenness = 0.0
 
     def __init__(self, sole: tuple[float, float], constants: SteppingConstants, dt: float) -> None:
         """Hold a point of a sole of half a length and half a width, m."""
@@ -56,23 +56,23 @@ class HeldArea:
 
         On level ground it is expected to be supported as far as the margin, on rough ground as far as it counts there.
         """
-        trust = share * max(self._trust, self.level)
+        trust = share * max(self._trust, self.evenness)
         (behind, right), (ahead, left) = self._least, self._most
         return (trust * behind, trust * ahead), (trust * right, trust * left)
 
-    def update(self, tilting: Point, wrench: Vector, level: float) -> None:
+    def update(self, tilting: Point, wrench: Vector, evenness: float) -> None:
         """Take in a tick: the rates at which the far and the left end of the sole rise, rad/s, and the wrench on it.
 
         The ground counts as level by a share from 0 to 1.
         """
-        self.level = level
+        self.evenness = evenness
         c, dt, gain = self._c, self._dt, self._spin_gain
         self._spin = [spin + gain * (rate - spin) for spin, rate in zip(self._spin, tilting, strict=True)]
         _, _, force, roll, pitch, _ = wrench
         if force < c.carries:
             return
-        grown = c.area_growth * (1.0 + c.level_growth * self.level) * dt
-        trust = max(self._trust, self.level)
+        grown = c.area_growth * (1.0 + c.level_growth * evenness) * dt
+        trust = max(self._trust, self.evenness)
         for i, (edges, moment) in enumerate(((self.ahead, -pitch), (self.aside, roll))):
             cop, spin = moment / force - self._centre[i], self._spin[i]
             if abs(spin) < c.still:

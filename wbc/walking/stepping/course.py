@@ -21,7 +21,7 @@ class PhaseReference(NamedTuple):
     """References of one tick of a stand, of a shift of weight or of a step."""
 
     motion: CoMMotion  # planned motion of the centre of mass
-    level: float  # height of the feet over which it is held, m
+    feet_height: float  # height of the feet over which it is held, m
     most_force: tuple[float, float]  # greatest normal force of each foot of a robot that holds no load, N
     cop: Point = (0.0, 0.0)  # shift of the centre of pressure of the foot that stands; see `Reference`
     urgency: float = 0.0  # of the swing foot; see `Reference`

@@ -68,6 +68,39 @@ class StepState(NamedTuple):
     climbs: bool = False
 
 
+class SwingWay(NamedTuple):
+    """Way that a swing foot can go, seen from the foot that stands.
+
+    The way of a quintic that comes to rest after t is v t/2 + a t² √3/10, with its greatest acceleration a.
+    """
+
+    place: Point  # carrying point of the swing foot, ahead and outwards of that of the foot that stands, m
+    velocity: Point  # of the swing foot, m/s
+    push: float  # greatest acceleration a, m/s²
+
+    def reached(self, time: float, places: tuple[Point, Point]) -> tuple[Point, Point]:
+        """Return the least and the greatest of these places, m, that the foot reaches from rest within a time, s."""
+        (low, high), (ahead, outwards), way = places, self.place, time * time * self.push / RISE
+        least = _within(ahead - way, low[0], high[0]), _within(outwards - way, low[1], high[1])
+        return least, (_within(ahead + way, least[0], high[0]), _within(outwards + way, least[1], high[1]))
+
+    def missed(self, time: float, place: Point, bounds: Bounds) -> float:
+        """Return by how much the foot misses a place within a time, s, as far as it is within bounds, m."""
+        goal = [_within(p, least, most) for p, least, most in zip(place, *bounds.places, strict=True)]
+        dx, dy = goal[0] - self.place[0], goal[1] - self.place[1]
+        way = math.hypot(dx, dy)
+        speed = (dx * self.velocity[0] + dy * self.velocity[1]) / max(way, LEAST_OFFSET)
+        short = max(way - (0.5 * speed + self.push / RISE * time) * time, 0.0)
+        return short + math.hypot(place[0] - goal[0], place[1] - goal[1])
+
+
+class PutDown(NamedTuple):
+    """A swing foot that is put down beside where it is, at once."""
+
+    end: float  # time of the step, s
+    places: tuple[Point, Point]  # least and greatest place ahead and outwards, m
+
+
 class StepDecision:
     """Decision of the step that swings.
 
@@ -91,6 +124,7 @@ class StepDecision:
         settings, constants, scale, dt = values
         self._s, self._c, self._scale, self._ground = settings, constants, scale, ground
         self.area, self._program = HeldArea(scale.sole, constants, dt), StepProgram(scale.height)
+        self._places = (-settings.reach, settings.gap), (settings.reach, settings.widest)
         self._most = constants.cop_speed * dt  # change of the centre of pressure in a tick, m
         self._gain = lag_gain(dt, constants.cop_lag)
         self.place: Point = (0.0, 0.0)
@@ -104,8 +138,7 @@ class StepDecision:
         self.urgency = self.missed = 0.0
         self._decided = False
         self._delayed_end: float | None = None  # end of a step for which legs need longer, s
-        # When and where a foot is put down at once.
-        self._put_down_at: tuple[float, tuple[Point, Point]] | None = None
+        self._put_down: PutDown | None = None  # None for a foot that swings on
         self._chosen_about: Point | None = None  # landing of the program about which a place was chosen, m
         self._chosen: Point | None = None  # that place, m
 
@@ -117,7 +150,7 @@ class StepDecision:
         self.lagged = p + gain * (a - p), q + gain * (b - q)
 
     def decide(
-        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, kept: bool = False
+        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, promised: bool = False
     ) -> None:
         """Decide anew; what was decided stays if the program fails.
 
@@ -126,18 +159,16 @@ class StepDecision:
             wish: Steps that are asked for.
             longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
-            kept: True for a landing that is a promise: it moves only by what the next sole cannot catch.
+            promised: True for a landing of footsteps: it moves only by what the next sole cannot catch.
         """
         c, axes, now = self._c, stance.axes, self._pendulum(stance)
-        runs = (
-            now.dcm[0] - now.contact[0],
-            now.dcm[1] - now.contact[1],
-        )  # ξ runs away from the contact by that, m
+        # ξ runs away from the contact by that, m.
+        runs = now.dcm[0] - now.contact[0], now.dcm[1] - now.contact[1]
         edges = self._aside(stance)
         beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
-        self._put_down_at = self._put_down(stance, runs) if beyond else None
+        self._put_down = (self._put_down or self._puts_down(stance, runs)) if beyond else None
         bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
-        step, bounds = self._solve(stance, now, wish, bounds, longest, kept=kept)
+        step, bounds = self._solve(stance, now, wish, bounds, longest, promised=promised)
         if step is None:
             if self._decided:
                 return
@@ -170,12 +201,12 @@ class StepDecision:
         )
 
     def _solve(
-        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, kept: bool
+        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, promised: bool
     ) -> tuple[Step | None, Bounds]:
         """Return the step, later where legs need the time, with its bounds; None if the program fails."""
         elapsed = stance.elapsed
         solve: Callable[[Now, Wish, Bounds], Step | None] = self._program.solve
-        if kept and not self.closes:
+        if promised and not self.closes:
             solve = partial(self._keep_landing, climbs=stance.climbs)
         step = solve(now, wish, bounds)
         if step is not None:
@@ -213,16 +244,16 @@ class StepDecision:
 
         The centre of pressure is bounded outwards, m, and ξ may be `beyond` the outer bound.
         """
-        s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
+        c, area, elapsed = self._c, self.area, stance.elapsed
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
         shortest, (low, high) = self._shortest(stance), aside
         most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(runs[0]), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
-        places = (-s.reach, s.gap), (s.reach, s.widest)
-        if self._put_down_at is not None:
-            end, places = self._put_down_at
-            shortest = greatest = max(end - elapsed, 0.0)
+        places = self._places
+        if self._put_down is not None:
+            places = self._put_down.places
+            shortest = greatest = max(self._put_down.end - elapsed, 0.0)
         elif beyond:
             greatest = shortest
         half_length, half_width = self._scale.sole
@@ -246,42 +277,40 @@ class StepDecision:
     @property
     def closes(self) -> bool:
         """True while the swing foot is put down beside where it is, at once."""
-        return self._put_down_at is not None
+        return self._put_down is not None
 
-    def _put_down(self, stance: StepState, runs: Point) -> tuple[float, tuple[Point, Point]] | None:
+    def _puts_down(self, stance: StepState, runs: Point) -> PutDown | None:
         """Return when and where the swing foot is put down at once, with ξ past the outer bound; None if it closes up.
 
-        It is put down where the step after this one has less far to go then, and once that has begun, it goes on. ξ is
-        so far ahead of the contact and `beyond` it, m. From the place (x, d) where a foot is put down after t₁, the
-        foot that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead,
-        and by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
+        It is put down where the step after this one has less far to go then. ξ is so far ahead and outwards of the
+        contact, m.
         """
-        if self._put_down_at is not None or stance.climbs or stance.elapsed <= 0.0:
-            return self._put_down_at
-        s, omega, (x, y, _, _), (ahead, outwards) = self._s, stance.dcm.omega, stance.swing, runs
-        closing, beyond = self._shortest(stance), -outwards
-        time, growth = min(closing, stance.down), math.exp(omega * s.shortest)
-
-        def way(x: float, d: float, after: float) -> float:
-            """Return the way of the step after this one, m."""
-            grown = math.exp(omega * after)
-            return math.hypot((ahead * grown - x) * growth + x, (d + beyond * grown) * growth - d)
-
-        x, d = stance.axes.offset(x, y)
-        (near, _), (far, _) = self._reached(stance, closing)
-        closed = min(max(ahead * math.exp(omega * closing), near), far)
-        if way(x + self._c.carrying, d, time) < way(closed, s.gap, closing):
-            return stance.elapsed + time, self._reached(stance, time)
+        if stance.climbs or stance.elapsed <= 0.0:
+            return None
+        s, omega, ahead, way = self._s, stance.dcm.omega, runs[0], self._way(stance)
+        closing = self._shortest(stance)
+        time = min(closing, stance.down)
+        (near, _), (far, _) = way.reached(closing, self._places)
+        closed = _within(ahead * math.exp(omega * closing), near, far), s.gap
+        if self._way_on(way.place, runs, omega, time) < self._way_on(closed, runs, omega, closing):
+            return PutDown(stance.elapsed + time, way.reached(time, self._places))
         return None
 
-    def _reached(self, stance: StepState, time: float) -> tuple[Point, Point]:
-        """Return the least and the greatest place, m, that the swing foot reaches within a time, s."""
-        s, (x, y, _, _) = self._s, stance.swing
-        ahead, outwards = stance.axes.offset(x, y)
-        ahead, way = ahead + self._c.carrying, time * time * self._c.swing_push / RISE
-        low = min(max(ahead - way, -s.reach), s.reach), min(max(outwards - way, s.gap), s.widest)
-        high = min(max(ahead + way, low[0]), s.reach), min(max(outwards + way, low[1]), s.widest)
-        return low, high
+    def _way_on(self, place: Point, runs: Point, omega: float, time: float) -> float:
+        """Return the way of the step after one that lands at a place (x, d) after a time t₁, m.
+
+        The foot that stands now steps out in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and
+        by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
+        """
+        (x, d), (ahead, outwards) = place, runs
+        grown, growth = math.exp(omega * time), math.exp(omega * self._s.shortest)
+        return math.hypot((ahead * grown - x) * growth + x, (d - outwards * grown) * growth - d)
+
+    def _way(self, stance: StepState) -> SwingWay:
+        """Return the way that the swing foot can go."""
+        (x, y, u, v), axes = stance.swing, stance.axes
+        ahead, outwards = axes.offset(x, y)
+        return SwingWay((ahead + self._c.carrying, outwards), axes.outwards(u, v), self._c.swing_push)
 
     def _time_for_legs(
         self, stance: StepState, step: Step, now: Now, wish: Wish, bounds: Bounds, longest: float
@@ -289,44 +318,22 @@ class StepDecision:
         """Return the time left after which the swing foot comes nearest to where it is to land, s.
 
         None if legs can make the step within its own time. Else the place is looked for at later times: it moves away
-        with ξ, and the way that the foot can go grows. The way of a quintic that comes to rest after t is
-        v t/2 + a t² √3/10, with its greatest acceleration a.
+        with ξ, and the way that the foot can go grows.
         """
-        (x, y, u, v), carrying = stance.swing, self._c.carrying
-        ahead, outwards = stance.axes.offset(x, y)
-        ahead += carrying
-        rates, a = stance.axes.outwards(u, v), self._c.swing_push / RISE
-
-        def missed(time: float, place: Point) -> float:
-            """Return by how much the foot misses a place, as far as it is within reach, m."""
-            low, high = bounds.places
-            goal = [min(max(p, least), most) for p, least, most in zip(place, low, high, strict=True)]
-            dx, dy = goal[0] - ahead, goal[1] - outwards
-            way = math.hypot(dx, dy)
-            speed = (dx * rates[0] + dy * rates[1]) / max(way, LEAST_OFFSET)
-            short = max(way - (0.5 * speed + a * time) * time, 0.0)
-            return short + math.hypot(place[0] - goal[0], place[1] - goal[1])
-
-        def missed_at(time: float) -> float:
-            """Return by how much the foot misses the place that ξ asks for at a time, m."""
-            grown, offsets = math.exp(now.omega * time), wish.offsets[:2]
-            x, y = (z + grown * (xi - z) - b for xi, z, b in zip(now.dcm, now.contact, offsets, strict=True))
-            return missed(time, (x, y))
-
-        best, least = step.left, missed(step.left, step.place)
+        way, shortest = self._way(stance), step.left
+        best, least = shortest, way.missed(shortest, step.place, bounds)
         if least < MISSED:
             return None
-        span = longest - step.left
         for k in range(1, LATER + 1):
-            time = step.left + span * k / LATER
-            off = missed_at(time)
+            time = shortest + (longest - shortest) * k / LATER
+            off = way.missed(time, now.landing(time, wish), bounds)
             if off < least - MISSED / LATER:
                 best, least = time, off
             if least < MISSED:
                 break
         if self._delayed_end is not None:  # a place that jumps to and fro is reached least of all
-            time = min(max(self._delayed_end - stance.elapsed, step.left), longest)
-            if missed_at(time) < least + KEPT:
+            time = _within(self._delayed_end - stance.elapsed, shortest, longest)
+            if way.missed(time, now.landing(time, wish), bounds) < least + KEPT:
                 best = time
         return best
 
@@ -361,6 +368,11 @@ class StepDecision:
         self._chosen_about = free
         self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
         return self._chosen
+
+
+def _within(value: float, low: float, high: float) -> float:
+    """Return a value cut to limits; the upper one counts where they cross."""
+    return min(max(value, low), high)
 
 
 def _beyond(off: float, low: float, high: float) -> float:

@@ -74,8 +74,8 @@ class DoubleSupport:
         acceleration: it is that of a feedback of ξ alone, whose place of rest is this middle.
         """
         (left, right), most = self._carrying_points(), self._c.most_force
-        x, y, level = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
-        return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), level, (most, most))
+        x, y, height = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
+        return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), height, (most, most))
 
     def shift(self, footsteps: Sequence[Footstep]) -> None:
         """Begin to shift the weight to beside the foot that is to stand.

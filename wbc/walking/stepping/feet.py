@@ -69,7 +69,7 @@ class SteppingFeet:
     """Feet of one walk in free steps.
 
     Attributes:
-        held: Costs of the motion of a foot that stands while the other one swings, shape (6,).
+        single: Costs of the motion of a foot that stands while the other one swings, shape (6,).
         firm: Those of feet that both stand.
         shift: Stiffness, 1/s², and damping, 1/s, of the CoM while the weight shifts and in steps, shape (3,) each.
         stand: Those in a stand.
@@ -78,8 +78,8 @@ class SteppingFeet:
     def __init__(self, scale: RobotSize, law: SteppingConstants) -> None:
         """Multiply the costs out for a robot; the constants of the law are in SI units."""
         self._law, turn, omega = law, scale.height**2, scale.omega  # from (h rad/s²)² to (rad/s²)²
-        self.held, self.firm = halves(HELD, HELD_TURN * turn), halves(HELD, STANDING_TURN * turn)
-        self._yielding = YIELDING * self.held
+        self.single, self.firm = halves(HELD, HELD_TURN * turn), halves(HELD, STANDING_TURN * turn)
+        self._yielding = YIELDING * self.single
         height = COM_HEIGHT[0] * omega**2, COM_HEIGHT[1] * omega
         self.shift = _com_gains(law.shift_gains, height)
         self.stand = _com_gains((law.stand_gain * omega**2, (1.0 + law.stand_gain) * omega), height)
@@ -106,7 +106,7 @@ class SteppingFeet:
         if single and side != progress.stance:  # it unloads, or waits to take over
             return FootLoad(self._yielding, 0.0, most)
         least = SHARED * law.least_force if all(progress.contact) else law.carried
-        return FootLoad(self.held if single else self.firm, least, most)
+        return FootLoad(self.single if single else self.firm, least, most)
 
     def centre(self, side: int, reference: Reference) -> Point:
         """Return the centre of the box of the centre of pressure on a sole, m."""

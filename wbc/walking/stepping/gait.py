@@ -146,8 +146,8 @@ class SteppingWalk(ReferenceSource):
         felt.begin(GaitPhase.STANDING, 1)
         self.stand = DoubleSupport(values, felt)
         self.step = SingleSupport(values, felt, self.ground)
-        held = min(self.step.decision.area.widest / self.constants.slow_width, 1.0)
-        self.steering = PathSteering(values, heading, self._extent, held)
+        supported = min(self.step.decision.area.widest / self.constants.slow_width, 1.0)
+        self.steering = PathSteering(values, heading, self._extent, supported)
         self._reader: BodyReader | None = None
         self._joins = joins  # until the first tick
         self.progress = self._record()
@@ -220,7 +220,7 @@ class SteppingWalk(ReferenceSource):
         ahead, _ = along(self.steering.direction, landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
         velocity = ahead / self.step_time if going else 0.0
-        self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
+        self.steering.follow((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
         return StepVelocity((velocity, 0.0), going)
 
     def _asked(self, steps: StepVelocity) -> Asked:
@@ -245,8 +245,8 @@ class SteppingWalk(ReferenceSource):
             now = self.stand.standing()
         else:
             now = self.stand.shifting(steering.direction, self.step_time)
-        high, speed = self.height.rise(state.com[2] - now.level)
-        pendulum = self.height.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
+        high, speed = self.height.rise(state.com[2] - now.feet_height)
+        pendulum = self.height.pendulum(now.motion, (high + now.feet_height, speed), felt.contact[2])
         laden = state.mass / self.scale.mass  # by what it holds
         most_force = laden * now.most_force[0], laden * now.most_force[1]
         self.progress = progress = self._record((most_force[0] > 0.0, most_force[1] > 0.0), events)
@@ -396,8 +396,8 @@ class SteppingWalk(ReferenceSource):
                 self.take(None)
             else:
                 self.footsteps, self._idle = plan.steps, not plan.steps
-                level = abs(left.z - right.z) < LEAST_STAIR  # else the last stair is still ahead of one foot
-                self.stair = plan.rise or (0.0 if level else before)
+                climbs = abs(left.z - right.z) >= LEAST_STAIR  # the last stair is still ahead of one foot
+                self.stair = plan.rise or (before if climbs else 0.0)
 
     def _stay_on_ground(self) -> None:
         """Come to a stand where the velocity would lead beyond the ground."""

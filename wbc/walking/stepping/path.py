@@ -49,21 +49,21 @@ class PathSteering(Steering):
     """Steering of free steps: their velocity at every tick, held to a path.
 
         steering.rest(place)            where the robot begins to step, and where it stands again
-        steering.update(…), along(…)    in every tick of a step: by target or goal, or by footsteps
-        steering.land(held)             at every landing
+        steering.update(…), follow(…)   in every tick of a step: by target or goal, or by footsteps
+        steering.land(supported)        at every landing
 
     Attributes:
         heading: Heading of the pelvis and of the next steps, rad.
         direction: Cosine and sine of the heading.
         velocity: Velocity of the steps now, forward and left, m/s.
         turn: Turn of the steps now, rad/s.
-        held: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
+        supported: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
     """
 
     def __init__(
-        self, values: GaitValues, heading: float, extent: Extent | None = None, held: float = 0.0
+        self, values: GaitValues, heading: float, extent: Extent | None = None, supported: float = 0.0
     ) -> None:
-        """Stand with a heading, rad, on a ground of an extent, m, and `held` by it."""
+        """Stand with a heading, rad, on a ground of an extent, m, on soles that are `supported` so far."""
         settings, constants, scale, dt = values
         self._sole, self._plan_time, self._held_gain = scale.sole, constants.plan_time, constants.held_gain
         self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
@@ -72,7 +72,7 @@ class PathSteering(Steering):
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held = held
+        self.supported = supported
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -92,8 +92,8 @@ class PathSteering(Steering):
         s = self._s
         if stair < 0.0:
             return self._pace.time(self.velocity[0], s.slow_time)
-        held = 1.0 if stair else self.held
-        slow = s.step_time + held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
+        supported = 1.0 if stair else self.supported
+        slow = s.step_time + supported * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
         return self._pace.time(self.velocity[0], slow)
 
     @property
@@ -106,19 +106,19 @@ class PathSteering(Steering):
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
-        slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.pending else 0.0
+        slow = self.supported * min(max(2.0 - brisk, 0.0), 1.0) if self.pending else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
 
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
 
-    def land(self, held: float) -> None:
+    def land(self, supported: float) -> None:
         """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
         less, more = self._held_gain
-        self.held += (less if held < self.held else more) * (held - self.held)
+        self.supported += (less if supported < self.supported else more) * (supported - self.supported)
 
-    def along(self, velocity: Point, heading: float) -> None:
+    def follow(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt
@@ -174,10 +174,12 @@ class PathSteering(Steering):
         y += min(max(left - y, -change), change)
         self.velocity, self.turn = (x, y), turn
         self.turn_to(self.heading + turn * dt)
-        held = self._kept_to_path(place, turn)
+        velocity = self._kept_to_path(place, turn)
         fast_share = self.fast_share
-        self._make_up(held, speed, fast_share)
-        return StepVelocity((held[0] + self._missing, held[1]), self.pending, fast_share * self._missing)
+        self._make_up(velocity, speed, fast_share)
+        return StepVelocity(
+            (velocity[0] + self._missing, velocity[1]), self.pending, fast_share * self._missing
+        )
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""

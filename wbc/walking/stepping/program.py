@@ -66,6 +66,11 @@ class Now(NamedTuple):
     left: float
     last: float
 
+    def landing(self, time: float, wish: Wish) -> Point:
+        """Return the place, ahead and outwards, m, from which ξ has the offset of a wish after a time, s."""
+        grown, ((x, y), (u, v)) = math.exp(self.omega * time), (self.dcm, self.contact)
+        return u + grown * (x - u) - wish.offsets[0], v + grown * (y - v) - wish.offsets[1]
+
 
 class Wish(NamedTuple):
     """Steps that are asked for: three places from foot to foot and the offsets that they leave, m; time of one, s."""

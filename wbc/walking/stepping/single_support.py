@@ -3,7 +3,7 @@
     step.begin(footsteps, climbs=…, out=…)  at lift-off; `SetOff` in the first step out of a stand
     events = step.update(asked, frames)     push on the swing foot, expected ground, decision, contact
     step.is_over(asked)                     the foot that has landed is to carry
-    held = step.end(asked)                  what the landing says of the ground
+    supported = step.end(asked)             what the landing says of the ground
     step.references()                       CoM, forces of the feet, centre of pressure
 
 `Asked` says what the steering asks for in this tick; the footsteps of a step do not change while it lasts.
@@ -96,7 +96,7 @@ class SingleSupport:
         self.met: float | None = None
         self._ticks = 0  # with a decision on time and place that is open
         self._pace = settings.step_time  # mean time of the last steps, s
-        self._level = 0.0  # height of the feet that carry, low-passed, m
+        self._feet_height = 0.0  # of the feet that carry, low-passed, m
         self._footsteps: Sequence[Footstep] = ()  # from the one that swings on; none of steps by a velocity
         self._climbs = False  # the landing is a stair, of footsteps or seen
         self._walks = False  # the robot has been in this step before the walk began
@@ -123,7 +123,7 @@ class SingleSupport:
         self.decision.begin()
         self.touch.begin()
         if out is not None:
-            self._pace, self._level = out.pace, stands
+            self._pace, self._feet_height = out.pace, stands
             self._ground.expect_at(stands)
             if out.kicked:
                 self.touch.push()
@@ -139,7 +139,7 @@ class SingleSupport:
         self.decide(asked, frames)
         events = self._meet(asked, frames)
         # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
-        touch.track_pressure(met=self.met is not None and not self._footsteps)
+        touch.track(met=self.met is not None, at_edge=not self._footsteps)
         return events
 
     def is_over(self, asked: Asked) -> bool:
@@ -154,7 +154,7 @@ class SingleSupport:
         return self.touch.is_to_carry(axes, orbit, patience, fast_share, late=late)
 
     def end(self, asked: Asked) -> float:
-        """End a step whose foot has landed; return how much of the sole has held: see `PathSteering.held`."""
+        """End a step whose foot has landed; return the width that its sole has held: see `PathSteering.supported`."""
         assert self.swing is not None
         c, felt, (left, right) = self._c, self._felt, self._felt.state.places
         self._pace += c.pace_gain * (min(felt.elapsed, self._longest(asked)) - self._pace)
@@ -167,16 +167,16 @@ class SingleSupport:
     def references(self) -> PhaseReference:
         """Return the references of a tick."""
         c, felt, state, touch = self._c, self._felt, self._felt.state, self.touch
-        self._level += self._level_gain * (self._com_level() - self._level)
+        self._feet_height += self._level_gain * (self._com_ground() - self._feet_height)
         most = touch.most_forces(met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
         motion = self.course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
         urgency = -1.0 if touch.pushed else self.decision.urgency
-        return PhaseReference(motion, self._level, most, cop=cop, urgency=urgency)
+        return PhaseReference(motion, self._feet_height, most, cop=cop, urgency=urgency)
 
     # ---- the ground ---------------------------------------------------------------------------------------------
 
-    def _com_level(self) -> float:
+    def _com_ground(self) -> float:
         """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
         stands = self._felt.state.places[self._felt.stance][2]
         return stands + HALF * (self._ground.height - stands) if self._climbs else stands
@@ -215,8 +215,8 @@ class SingleSupport:
             return
         felt, state, decision = self._felt, self._felt.state, self.decision
         swing, self._ticks = self.swing, self._ticks + 1
-        level = self._ground.level(*self._c.even)
-        decision.area.update(state.tilting(felt.stance), state.wrenches[felt.stance], level)
+        evenness = self._ground.level(*self._c.even)
+        decision.area.update(state.tilting(felt.stance), state.wrenches[felt.stance], evenness)
         decides = swing is None or self._ticks % self._period == 0
         if decides:
             self._solve(asked)
@@ -257,7 +257,7 @@ class SingleSupport:
             forward = (forward - asked.steps.made_up) * longer
             wish = steps_of_velocity((forward, left), self._width(asked), stance)
         look = None if stays else self._touch_time(asked) - self._felt.elapsed
-        self.decision.decide(stance, wish, self._longest(asked), look, kept=bool(footsteps))
+        self.decision.decide(stance, wish, self._longest(asked), look, promised=bool(footsteps))
 
     def _step_time(self, asked: Asked) -> float:
         """Return the time of the step, s: that which was decided, low-passed."""

@@ -114,10 +114,18 @@ class SwingTouch:
         ground = max(places[felt.stance][2], self._ground.height)
         return places[felt.swing][2] < ground + self._c.low * self._s.swing_height
 
-    def track_pressure(self, *, met: bool) -> None:
-        """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
-        felt = self._felt
+    def track(self, *, met: bool, at_edge: bool) -> None:
+        """Take in a tick: where the foot in contact carries, and for how long the other one has carried nothing.
+
+        A foot that has `met` the ground `at_edge` carries where its centre of pressure is, low-passed; else at its
+        carrying point.
+        """
+        felt, least = self._felt, self._c.held
         if met:
+            loads = felt.state.wrenches
+            unloaded = loads[felt.stance][2] < least < loads[felt.swing][2]
+            self._unloaded = self._unloaded + self._dt if unloaded else 0.0
+        if met and at_edge:
             self._carrying = part_way(self._carrying, felt.centre_of_pressure(felt.swing), self._gain)
         else:
             self._carrying = felt.carrying_point(felt.swing)
@@ -129,10 +137,7 @@ class SwingTouch:
 
         The offset of ξ may be `patience` times that of the orbit. A step is `late` that has lasted its longest time.
         """
-        felt, c = self._felt, self._c
-        loads, dcm = felt.state.wrenches, felt.dcm
-        unloaded = loads[felt.stance][2] < c.held < loads[felt.swing][2]
-        self._unloaded = self._unloaded + self._dt if unloaded else 0.0
+        felt, c, dcm = self._felt, self._c, self._felt.dcm
         if self._unloaded > fast_share * c.lost_time:
             return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
         if late:
