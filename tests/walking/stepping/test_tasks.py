@@ -281,7 +281,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
         alone = not all(touching)
         assert carrying.min_force == pytest.approx(law.carried if alone else 0.2 * law.least_force)
         if not alone:
-            np.testing.assert_allclose(other.motion_weight, 0.1 * stance.held)
+            np.testing.assert_allclose(other.motion_weight, 0.1 * stance.single)
             np.testing.assert_allclose(other.centre, (law.carrying, 0.0, 0.0))
             assert other.min_force == 0.0
         else:
