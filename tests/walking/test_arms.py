@@ -389,10 +389,10 @@ def test_a_reference_waits_in_a_straight_line_for_a_hand_that_stays_behind() -> 
         start = pin.SE3(hand.place)
         hand.reach(start.translation + (0.2, 0.0, 0.0), duration=2.0)
         update(walking, 100)
-        here = hand._reference.translation[0] - start.translation[0]
+        here = hand._way.place.translation[0] - start.translation[0]
         hand._there = pin.SE3(start.rotation, start.translation + (off, 0.0, 0.0))
         update(walking)
-        gone = hand._reference.translation[0] - start.translation[0] - here
+        gone = hand._way.place.translation[0] - start.translation[0] - here
         time = 100 * DT
         assert here == pytest.approx(0.2 * minimum_jerk(time / 2.0)[0])
         assert here + gone == pytest.approx(0.2 * minimum_jerk((time + pace * DT) / 2.0)[0], abs=1e-9)

@@ -237,8 +237,8 @@ def test_a_hand_goes_along_a_surface_and_then_towards_it_in_times_by_their_lengt
         back = along[2] > 0.0
         first = np.array((0.0, 0.0, along[2])) if back else np.array((*along[:2], 0.0))
         times = [3.0 * np.linalg.norm(part) / (0.1 + abs(along[2])) for part in (first, along - first)]
-        assert sum(times) == pytest.approx(3.0) and len(hand.arm._moves) == 2
-        for move, end, time in zip(hand.arm._moves, (start + first, goal), times, strict=True):
+        assert sum(times) == pytest.approx(3.0) and len(hand.arm._way.moves) == 2
+        for move, end, time in zip(hand.arm._way.moves, (start + first, goal), times, strict=True):
             move.advance(time - 1e-6)
             assert not move.arrived
             move.advance(2e-6)

@@ -121,12 +121,12 @@ def test_feet_that_miss_their_places_count_as_there_after_two_landings_within_wh
         planner.footsteps(Standing(start, "left", begun, False, 0.0))
         for side, (x, y) in (("left", (0.03, -0.04)), ("right", (0.0, 0.02))) * 2:
             foot, swings = start.foot(side), "right" if side == "left" else "left"
-            planner._aim, begun = (begun, foot), begun + 1
-            planner._goal = planner.steering.goal = (1.0 + away + x, y, 0.0)
+            planner._way.aim, begun = (begun, foot), begun + 1
+            planner._way.goal = planner.steering.goal = (1.0 + away + x, y, 0.0)
             landed = replace(start, **{side: replace(foot, x=foot.x + x, y=foot.y + y)})
             wanted = planner._towards_goal(Standing(landed, swings, begun, False, 0.1 * begun))
-            assert planner._missed["left"] == pytest.approx(0.05)
-            assert planner._missed["right"] == pytest.approx(0.02 if begun > 8 else 0.0)
+            assert planner._way.missed["left"] == pytest.approx(0.05)
+            assert planner._way.missed["right"] == pytest.approx(0.02 if begun > 8 else 0.0)
             if wanted == AT_REST and found is None:
                 found = begun - 7
         assert found == landings, "the first one shows what is missed; the next two count"
@@ -136,10 +136,10 @@ def test_a_new_goal_forgets_what_was_missed_on_the_way_to_the_last_one() -> None
     planner = SteeredSteps(REACH)
     planner.steering.go_to(1.5, 0.0, 0.0)
     planner.footsteps(Standing(feet_at(1.0), "left", 0, False, 0.0))
-    planner._missed["left"], planner._tries, planner._beside = 0.3, 5, True
+    planner._way.missed["left"], planner._way.tries, planner._way.beside = 0.3, 5, True
     planner.steering.go_to(1.6, 0.0, 0.0)
     planner._towards_goal(Standing(feet_at(1.0), "right", 1, False, 0.1))
-    assert planner._missed == {"left": 0.0, "right": 0.0} and planner._tries == 0
+    assert planner._way.missed == {"left": 0.0, "right": 0.0} and planner._way.tries == 0
 
 
 def test_a_step_in_the_air_is_not_looked_at_before_it_lands() -> None:
@@ -149,9 +149,9 @@ def test_a_step_in_the_air_is_not_looked_at_before_it_lands() -> None:
     aim = plan.steps[0]
     moved = replace(feet_at(1.0), left=replace(aim, x=aim.x + 0.01, y=aim.y - 0.02))
     planner._towards_goal(Standing(moved, "right", 4, True, 0.2))
-    assert planner._missed["left"] == 0.0
+    assert planner._way.missed["left"] == 0.0
     planner._towards_goal(Standing(moved, "right", 4, False, 0.3))
-    assert planner._missed["left"] == pytest.approx(math.hypot(0.01, 0.02))
+    assert planner._way.missed["left"] == pytest.approx(math.hypot(0.01, 0.02))
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.6])

@@ -358,17 +358,17 @@ def test_a_reference_turns_and_goes_no_faster_than_it_may_and_stops_where_it_is(
         for _ in range(120):
             arm._there = pin.SE3(arm.place)  # a hand that follows at once
             update(walking, 1)
-            rates.append(arm._velocity.copy())
-            pushes.append((arm._velocity - before) / DT)
-            before = arm._velocity.copy()
+            rates.append(arm._way.velocity.copy())
+            pushes.append((arm._way.velocity - before) / DT)
+            before = arm._way.velocity.copy()
         linear, angular = np.linalg.norm(np.array(rates).reshape(-1, 2, 3), axis=2).T
         assert linear.max() == pytest.approx(most, rel=1e-6) and angular.max() <= 1.5 + 1e-9
         sizes = np.linalg.norm(np.array(pushes).reshape(-1, 2, 3), axis=2)
         assert sizes[:, 0].max() <= settings.acceleration * (1.0 + 1e-9)
         assert sizes[:, 1].max() == pytest.approx(6.0, rel=1e-6)
-        here = pin.SE3(arm._reference)
+        here = pin.SE3(arm._way.place)
         arm.stop("world")
-        assert arm.target is not None and not arm._velocity.any()
+        assert arm.target is not None and not arm._way.velocity.any()
         np.testing.assert_allclose(arm.target.homogeneous, here.homogeneous, atol=1e-12)
         assert not arm.moving
         arm.stop("pelvis")
@@ -381,15 +381,15 @@ def test_a_hand_that_turned_as_it_liked_is_turned_from_where_it_is() -> None:
     arm, robot = walking.arms["left_hand"], walking.controller.robot
     arm.reach(arm.place.translation + (0.1, 0.0, 0.0))
     update(walking, 20)
-    here, moving = arm._reference.translation.copy(), arm._velocity.copy()
+    here, moving = arm._way.place.translation.copy(), arm._way.velocity.copy()
     q = np.array(robot.q)
     q[7 + arm.joints[-1]] += 0.4
     robot.update(q, np.zeros(robot.nv))
     turned = arm.place.rotation.copy()
     arm.reach(pin.SE3(np.eye(3), np.array(here)))
-    np.testing.assert_allclose(arm._reference.rotation, turned, atol=1e-12)
-    np.testing.assert_allclose(arm._reference.translation, here, atol=1e-12)
-    np.testing.assert_allclose(arm._velocity, [*moving[:3], 0.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(arm._way.place.rotation, turned, atol=1e-12)
+    np.testing.assert_allclose(arm._way.place.translation, here, atol=1e-12)
+    np.testing.assert_allclose(arm._way.velocity, [*moving[:3], 0.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_a_task_spares_all_joints_but_those_of_its_arm_and_the_posture_yields_to_hands() -> None:

@@ -1,7 +1,7 @@
-"""Arm of one hand: its joints and their strength, and the task of the hand with the reference that leads it.
+"""Arm of one hand: its joints and their strength, the task of the hand, and the orders where it is to go.
 
-    target  →  reference that moves with bounded speed and acceleration, or on minimum jerk trajectories
-            →  the same in the world, where the frame of the target moves  →  task of the hand
+    target  →  reference on its way there in the frame of the target           `wbc.walking.hands.way`
+            →  the same in the world, where that frame moves  →  task of the hand
 
 Every hand is moved in this way: one that reaches, one on its way to a surface or a handle, one that presses, and one
 that holds on to something. The error of the task is bounded, and the reference waits for a hand that cannot follow. The
@@ -10,7 +10,7 @@ task moves the arm alone, and takes the motion of all other joints into account.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -23,25 +23,19 @@ from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.frames import FixedPose, pose
 from wbc.core.model import joints_to
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.move import Move, PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
-from wbc.core.trajectories import Ramp, approach
+from wbc.core.trajectories import Ramp
 from wbc.tasks.force.compliance import AdmittanceTask
 from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
+from wbc.walking.hands.way import HandWay, Limits
 from wbc.walking.swing import REST
-
-ARRIVED = 1e-3
-"""Distance of the reference from a target, m and rad, from which it counts as there."""
 
 STIFFNESS, BLEND = 100.0, 0.3
 """Stiffness of the task of a hand, 1/s²; time over which its weight rises and falls, s."""
 
 ERROR_BOUND = (0.05, 0.3)
 """Greatest error of the hand that acts, m, and of its rotation, rad."""
-
-TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
-"""Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
 
 COMPLIANCE = 3e-4
 """Compliance at the hand of servos without gains, or of an arm without joints, m/N."""
@@ -52,9 +46,6 @@ LEAD = 0.1
 SMOOTHING = 0.04
 """Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
 fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
-
-Limits = Mapping[str, ArrayLike | None]
-"""Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
 
 
 @settings
@@ -81,7 +72,7 @@ class ArmSettings:
 
 
 class Arm:
-    """Arm of one hand, and the way of the hand to its target.
+    """Arm of one hand, which goes to a target.
 
     Attributes:
         name: Role, such as "left_hand".
@@ -124,11 +115,8 @@ class Arm:
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
         self.within = WORLD
-        self._goal: pin.SE3 | None = None
-        self._turn, self._fastest = 0.0, settings.speed
-        self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
-        self._there = pin.SE3(self.place)  # reference in the world
-        self._moves: list[Move] = []  # of the reference, where times or speeds were given
+        self._way = HandWay(settings.acceleration, dt)  # in the frame of the target
+        self._there = pin.SE3(self.place)  # its reference in the world
         self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
 
     # ---- the arm itself -----------------------------------------------------------------------------------------
@@ -181,7 +169,7 @@ class Arm:
     def check_idle(self) -> None:
         """Raise an `InputError` for an arm that no hand may lead: it has a target of its own, or is released."""
         self._check_own()
-        if self._goal is not None and not self._led:
+        if self._way.goal is not None and not self._led:
             raise InputError(
                 f"{self.name} must have no target when it presses or grips: arms['{self.name}'].release() takes the "
                 "one it has"
@@ -207,12 +195,12 @@ class Arm:
     @property
     def target(self) -> pin.SE3 | None:
         """Target in its frame, read-only; None without one. Of a target that is a point, the rotation means nothing."""
-        return None if self._goal is None else FixedPose(self._goal)
+        return None if self._way.goal is None else FixedPose(self._way.goal)
 
     @property
     def active(self) -> bool:
         """True while the hand has a task: from its first target on until it has been let go."""
-        return self._goal is not None or self._blend.value > 0.0
+        return self._way.goal is not None or self._blend.value > 0.0
 
     @property
     def error(self) -> Array:
@@ -220,9 +208,9 @@ class Arm:
 
         The rotation is zero where the target is a point. Without a target all is NaN.
         """
-        if self._goal is None:
+        if self._way.goal is None:
             return np.full(6, np.nan)
-        return self._left(self.seen(self.within))
+        return self._way.left(self.seen(self.within))
 
     @property
     def behind(self) -> float:
@@ -232,14 +220,12 @@ class Arm:
     @property
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
-        left = self._left(self._reference)  # zero without a target
-        far = np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED
-        return bool(self._moves or far)
+        return self._way.moving
 
     @property
     def speed(self) -> float:
         """Speed of the hand as it is commanded, m/s, in the frame of its target; 0 without one."""
-        if self._goal is None:
+        if self._way.goal is None:
             return 0.0
         robot, (at, moving, _) = self._robot, self._frames.now(self.within)
         velocity = pin.getFrameVelocity(robot.model, robot.data, self._id, pin.LOCAL_WORLD_ALIGNED).linear
@@ -249,7 +235,7 @@ class Arm:
     @property
     def reached(self) -> bool:
         """True once the hand is at its target: within 10 mm, of a pose 0.05 rad, and below 0.05 m/s."""
-        if self._goal is None or self.moving or self.speed > SLOW["m"]:
+        if self._way.goal is None or self.moving or self.speed > SLOW["m"]:
             return False
         error = self.error
         return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
@@ -314,9 +300,9 @@ class Arm:
 
     def stop(self, frame: str) -> None:
         """Stop and stay where the reference is; in a new frame where the hand is."""
-        place = self._reference if frame == self.within else self.seen(frame)
-        self.send([place], frame, self._turn, led=self._led)
-        self._velocity = np.zeros(6)
+        place = self._way.place if frame == self.within else self.seen(frame)
+        self.send([place], frame, self._way.turn, led=self._led)
+        self._way.velocity = np.zeros(6)
 
     def send(
         self,
@@ -340,28 +326,16 @@ class Arm:
             speed: Greatest speed without trajectories, m/s; that of the settings when None.
             led: True for a hand that presses or grips: until `leave` the arm takes no targets from `reach`.
         """
-        reference, velocity, turns = self._reference, self._velocity, turn > 0.0
-        fresh = frame != self.within or not self.active
-        if fresh:
-            reference, velocity = self.seen(frame), np.zeros(6)
-        elif turns and self._turn == 0.0:  # the hand has turned as it liked
-            reference = pin.SE3(self.seen(frame).rotation, reference.translation)
-            velocity = np.concatenate((velocity[:3], np.zeros(3)))
-        goals = [
-            pin.SE3(goal.rotation if turns else reference.rotation, goal.translation) for goal in targets
-        ]
-        starts, rates = (reference, *goals), (velocity, *([None] * len(goals)))
-        self._moves = [
-            Move(PoseCoordinates(start, pin.SE3), [goal], (rate, None), **limit)
-            for start, goal, rate, limit in zip(starts, goals, rates, limits, strict=False)
-        ]
+        fresh, fastest = (
+            frame != self.within or not self.active,
+            self._settings.speed if speed is None else speed,
+        )
+        self._way.send(targets, turn, limits, fastest, self.seen(frame), fresh=fresh)
         if fresh:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._goal, self._turn, self._led = frame, goals[-1], turn, led
-        self._reference, self._velocity = reference, velocity
-        self._fastest = self._settings.speed if speed is None else speed
+        self.within, self._led = frame, led
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
         self._weigh()
@@ -371,8 +345,8 @@ class Arm:
 
     def _fade(self) -> None:
         """Blend the task out, if there is a target."""
-        if self._goal is not None:
-            self._goal, self._moves = None, []
+        if self._way.goal is not None:
+            self._way.end()
             self._blend.to(0.0, BLEND)
 
     def yield_by(self, lag: float, speed: float) -> None:
@@ -390,7 +364,7 @@ class Arm:
     def _weigh(self) -> None:
         """Give the task its weight, in part while it is blended in or out."""
         share = self._blend.value
-        self.task.scale = (*[share] * 3, *[self._turn * share] * 3)
+        self.task.scale = (*[share] * 3, *[self._way.turn * share] * 3)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -406,48 +380,11 @@ class Arm:
             self.task.spared_acceleration = accelerations[self._spared]
         turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
-        self._follow(self._move_on(pace) if self._moves else self._approach(pace))
-
-    def _move_on(self, pace: Sequence[float]) -> Array:
-        """Move the reference on along its trajectory; return its acceleration, shape (6,).
-
-        It goes more slowly where the hand stays behind, in its rotation if that matters as much; a `pace` is 0 to 1.
-        """
-        slower, move = min(pace) if self._turn == 1.0 else pace[0], self._moves[0]
-        move.advance(slower * self._dt)
-        self._reference, velocity, push = move.now()
-        self._velocity = slower * velocity
-        if move.arrived:
-            self._moves.pop(0)
-        return np.asarray(slower * slower * push)
-
-    def _approach(self, pace: Sequence[float]) -> Array:
-        """Move the reference towards the target at bounded speeds; return its acceleration, shape (6,)."""
-        s, dt, before, reference = self._settings, self._dt, self._velocity.copy(), self._reference
-        left = self._left(reference)
-        for rows, granted, acceleration in (
-            (slice(0, 3), self._fastest * pace[0], s.acceleration),
-            (slice(3, 6), TURN_SPEED * pace[1], TURN_ACCELERATION),
-        ):
-            self._velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
-        reference.translation = reference.translation + dt * self._velocity[:3]
-        reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
-        return (self._velocity - before) / dt
-
-    def _left(self, here: pin.SE3) -> Array:
-        """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad.
-
-        They are zero without a target.
-        """
-        goal = self._goal
-        if goal is None:
-            return np.zeros(6)
-        turn = np.zeros(3) if self._turn == 0.0 else pin.log3(goal.rotation @ here.rotation.T)
-        return np.concatenate([goal.translation - here.translation, turn])
+        self._follow(self._way.advance(pace))
 
     def _follow(self, acceleration: Array) -> None:
         """Give the task the reference, which moves on in its frame with an acceleration, shape (6,)."""
-        there, velocity, rate = self._reference.copy(), self._velocity, acceleration
+        there, velocity, rate = self._way.place.copy(), self._way.velocity, acceleration
         if self.within != WORLD:
             there, velocity, rate = carried(self._frames.now(self.within), there, velocity, rate)
         self._there, turn = there, self.place.rotation  # the rates of the task are along the axes of the hand

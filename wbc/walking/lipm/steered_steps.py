@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
@@ -33,6 +33,35 @@ by planned steps, which land where they are planned."""
 
 SETTING_OFF = 0.5
 """Time whose change of velocity a robot that stands sets off with, s."""
+
+
+@dataclass(slots=True)
+class GoalWay:
+    """Way to one goal, None for a velocity: how near to their places its landings have come.
+
+    Attributes:
+        goal: The goal.
+        stops: True once the goal has been reached by feet that stride.
+        aim: Number and place of the step that was planned last.
+        missed: Side → distance of the foot from where it was to land, m.
+        beside: True where the robot is no further from the goal than that.
+        tries: Number of landings there.
+    """
+
+    goal: Place | None = None
+    stops: bool = False
+    aim: tuple[int, Footstep] | None = None
+    missed: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SIDES, 0.0))
+    beside: bool = False
+    tries: int = 0
+
+    def land(self, now: Standing) -> None:
+        """Take in a landing, if there has been one since the last plan."""
+        if self.aim is not None and now.begun - now.swings > self.aim[0]:
+            aim = self.aim[1]
+            landed = now.start.foot(aim.side)
+            self.missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
+            self.tries += self.beside
 
 
 class SteeredSteps(FootstepSource):
@@ -69,15 +98,7 @@ class SteeredSteps(FootstepSource):
         self._reach = reach
         self._time: float | None = None
         self._stop: int | None = None  # steps begun when the stop was commanded
-        self._goal: Place | None = None  # last one
-        self._forget()
-
-    def _forget(self) -> None:
-        """Begin to walk to a goal."""
-        self._stops = False  # the goal has been reached by feet that stride
-        self._aim: tuple[int, Footstep] | None = None  # number and place of the step that was planned last
-        self._missed = dict.fromkeys(SIDES, 0.0)  # distance of a foot from where it was to land, m
-        self._beside, self._tries = False, 0  # no further from the goal than that; landings there
+        self._way = GoalWay()
 
     @property
     def order(self) -> object:  # type: ignore[override]
@@ -110,7 +131,7 @@ class SteeredSteps(FootstepSource):
             cycle = gait.cycle
             dx, dy, turn = (cycle * part for part in self.granted)
             plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * AHEAD))
-        self._aim = (now.begun, plan.steps[0]) if plan.steps else None
+        self._way.aim = (now.begun, plan.steps[0]) if plan.steps else None
         return plan
 
     def _ramp(self, wanted: Velocity, time: float) -> None:
@@ -142,26 +163,22 @@ class SteeredSteps(FootstepSource):
     def _towards_goal(self, now: Standing) -> Velocity:
         """Return the velocity towards the goal, at most what the next two steps need; zero where it is reached."""
         s, start, steering = self.settings, now.start, self.steering
-        if steering.goal != self._goal:
-            self._goal = steering.goal
-            self._forget()
-        if self._aim is not None and now.begun - now.swings > self._aim[0]:
-            aim = self._aim[1]
-            landed = start.foot(aim.side)
-            self._missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
-            self._tries += self._beside
+        if steering.goal != self._way.goal:
+            self._way = GoalWay(steering.goal)
+        way = self._way
+        way.land(now)
         px, py, heading = start.middle
         if now.first is not None:  # feet that stride: the middle is beside the foot that stands
             px, py, heading = start.foot(other(now.first)).middle(start.spacing)
         away, turn = steering.away((px, py), heading)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
-        more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
-        near, missed = PLANNED_ARRIVED[0] + more[0], max(self._missed.values())
-        self._beside = away < near + missed
-        if self._tries >= TRIES:  # a robot whose landings are always put off would march for ever
+        more = CLOSED if way.stops and now.first is None else (0.0, 0.0)
+        near, missed = PLANNED_ARRIVED[0] + more[0], max(way.missed.values())
+        way.beside = away < near + missed
+        if way.tries >= TRIES:  # a robot whose landings are always put off would march for ever
             near += missed
-        self._stops = away < near and abs(turn) < PLANNED_ARRIVED[1] + more[1]
-        if self._stops:
+        way.stops = away < near and abs(turn) < PLANNED_ARRIVED[1] + more[1]
+        if way.stops:
             return AT_REST
         gait = Gait.for_speed(self.granted, start.gait)
         two = 2.0 * gait.cycle

@@ -67,6 +67,41 @@ EVEN = (0.005, 0.02)
 """Height between the feet in the last steps up to which the ground counts as level, and from which on as uneven, m."""
 
 
+class Planning:
+    """Times at which the footsteps are planned anew; see above."""
+
+    def __init__(self) -> None:
+        """Begin without a plan."""
+        self._next = 0.0  # time of the next plan, s
+        self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
+        self._swung = False  # since the last plan: one is due on both feet
+
+    def hurry(self) -> None:
+        """Let the next tick be a time to plan, for another planner."""
+        self._next, self._swung = 0.0, True
+
+    def has_asked(self, planner: FootstepSource) -> bool:
+        """Return True if the last plan is that of a planner by its present order."""
+        return self._asked == (planner, planner.order)
+
+    def ask(self, planner: FootstepSource) -> None:
+        """Keep planner and order as those of the last plan."""
+        self._asked = planner, planner.order
+
+    def is_due(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
+        """Return True if it is time to plan, s; on both feet it is once a foot has swung."""
+        if phases.phase is not GaitPhase.SINGLE:
+            return self._swung or (time >= self._next and not isinstance(planner, PlanSource))
+        due = time >= self._next and not self.has_asked(planner) and not phases.comes_to_rest
+        self._swung |= not due
+        return due
+
+    def begin(self, planner: FootstepSource, time: float) -> None:
+        """Ask a planner at a time, s."""
+        self.ask(planner)
+        self._next, self._swung = time + REPLAN, False
+
+
 class LipmWalk(ReferenceSource):
     """Walk of one robot along planned steps: those of a plan, a velocity, a goal or a planner.
 
@@ -123,9 +158,7 @@ class LipmWalk(ReferenceSource):
         self._preview, self._adjuster = self._laws[False]
         self.time, self.steps_done = 0.0, 0
         self._pace = 0.0  # of the last plan, m/s
-        self._next = 0.0  # time of the next plan of the footsteps, s
-        self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
-        self._landed = False  # since the last plan: that of a plan's steps is due on both feet
+        self._planning = Planning()
         self._begun: tuple[Event, ...] = ()  # events before the next update
         self.drift_correction = pin.SE3.Identity()
         self._measured: Sequence[pin.SE3] | None = None  # soles by the encoders in this tick
@@ -151,7 +184,7 @@ class LipmWalk(ReferenceSource):
     def finished(self) -> bool:
         """True when what a planner has asked for is walked and the robot stands."""
         planner = self.planner
-        return self.phases.rests and (planner is None or self._asked == (planner, planner.order))
+        return self.phases.rests and (planner is None or self._planning.has_asked(planner))
 
     @property
     def granted(self) -> Velocity:
@@ -169,7 +202,8 @@ class LipmWalk(ReferenceSource):
             planner = before if goes_on else self._steered_steps()
         super().take(planner)
         if planner is not before:
-            self._next, self._landed, self.drift_correction = 0.0, True, pin.SE3.Identity()
+            self._planning.hurry()
+            self.drift_correction = pin.SE3.Identity()
         climbs = isinstance(planner, PlanSource) and planner.plan.climbs
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self._preview, self._adjuster = self._laws[climbs]
@@ -183,18 +217,10 @@ class LipmWalk(ReferenceSource):
 
     def plan_steps(self) -> None:
         """Plan the footsteps anew if it is time to."""
-        planner, time, phases = self.planner, self.time, self.phases
-        if planner is None:
+        planner, phases = self.planner, self.phases
+        if planner is None or not self._planning.is_due(planner, phases, self.time):
             return
-        if phases.phase is GaitPhase.SINGLE:
-            if (planner, planner.order) == self._asked or time < self._next or phases.comes_to_rest:
-                self._landed = True
-                return
-        elif not self._landed and (time < self._next or isinstance(planner, PlanSource)):
-            return
-        self._landed = False
-        self._next = time + REPLAN
-        self._asked = planner, planner.order
+        self._planning.begin(planner, self.time)
         feet = phases.plan.feet(phases.step + (phases.swing is not None))
         drift = self.drift_correction
         turns = not drift.isIdentity(0.0)  # then the planner sees the feet in the world that it was taken in
@@ -202,7 +228,8 @@ class LipmWalk(ReferenceSource):
         plan = self._ask(planner, seen)
         if plan is not None:
             self._steer(plan.moved(drift) if turns else plan)
-            self._pace, self._asked = planner.pace, (planner, planner.order)
+            self._pace = planner.pace
+            self._planning.ask(planner)  # whose order may have ended with its answer
             return
         self.steering.command(None)  # the robot comes to a stand
         self.planner = stand = self._steered_steps()

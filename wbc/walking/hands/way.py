@@ -1,0 +1,119 @@
+"""Way of a hand to its target: a reference that moves with bounded speed, or on minimum jerk trajectories.
+
+All places are in the frame of the target, which the reference does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.base.numbers import Array
+from wbc.core.qp.move import Move, PoseCoordinates
+from wbc.core.trajectories import approach
+
+ARRIVED = 1e-3
+"""Distance of the reference from a target, m and rad, from which it counts as there."""
+
+TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
+"""Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
+
+Limits = Mapping[str, ArrayLike | None]
+"""Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
+
+
+class HandWay:
+    """Reference of one hand, on its way to a target.
+
+    Attributes:
+        goal: Target; None without one.
+        turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
+        place: Reference.
+        velocity: Its velocity, [linear; angular], shape (6,), m/s and rad/s.
+        moves: Trajectories to come, where times or speeds were given.
+    """
+
+    def __init__(self, acceleration: float, dt: float) -> None:
+        """Begin without a target; with the greatest acceleration, m/s², in ticks of dt, s."""
+        self._acceleration, self._dt = acceleration, dt
+        self.goal: pin.SE3 | None = None
+        self.turn, self._fastest = 0.0, 0.0  # and greatest speed without trajectories, m/s
+        self.place, self.velocity = pin.SE3.Identity(), np.zeros(6)
+        self.moves: list[Move] = []
+
+    @property
+    def moving(self) -> bool:
+        """True while the reference is on its way to the target."""
+        left = self.left(self.place)  # zero without a target
+        far = np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED
+        return bool(self.moves or far)
+
+    def left(self, here: pin.SE3) -> Array:
+        """Return displacement and rotation from a pose to the target, shape (6,), m and rad; zero without a target."""
+        if self.goal is None:
+            return np.zeros(6)
+        turn = np.zeros(3) if self.turn == 0.0 else pin.log3(self.goal.rotation @ here.rotation.T)
+        return np.concatenate([self.goal.translation - here.translation, turn])
+
+    def send(
+        self, targets: Sequence[pin.SE3], turn: float, limits: Sequence[Limits], fastest: float, here: pin.SE3,
+        *, fresh: bool,
+    ) -> None:  # fmt: skip
+        """Go on to a target with a greatest speed, m/s, or through some to the last one on trajectories.
+
+        Each target with limits has a trajectory. A `fresh` reference begins at rest where the hand is, `here`; another
+        one takes the rotation of a hand that has turned as it liked.
+        """
+        reference, velocity, turns = self.place, self.velocity, turn > 0.0
+        if fresh:
+            reference, velocity = here, np.zeros(6)
+        elif turns and self.turn == 0.0:
+            reference = pin.SE3(here.rotation, reference.translation)
+            velocity = np.concatenate((velocity[:3], np.zeros(3)))
+        goals = [
+            pin.SE3(goal.rotation if turns else reference.rotation, goal.translation) for goal in targets
+        ]
+        starts, rates = (reference, *goals), (velocity, *([None] * len(goals)))
+        self.moves = [
+            Move(PoseCoordinates(start, pin.SE3), [goal], (rate, None), **limit)
+            for start, goal, rate, limit in zip(starts, goals, rates, limits, strict=False)
+        ]
+        self.goal, self.turn, self._fastest = goals[-1], turn, fastest
+        self.place, self.velocity = reference, velocity
+
+    def end(self) -> None:
+        """Have no target any more."""
+        self.goal, self.moves = None, []
+
+    def advance(self, pace: Sequence[float]) -> Array:
+        """Move the reference on by a tick; return its acceleration, shape (6,).
+
+        It goes more slowly where the hand stays behind in its place, or in its rotation: each `pace` is 0 to 1.
+        """
+        return self._follow_moves(pace) if self.moves else self._approach(pace)
+
+    def _follow_moves(self, pace: Sequence[float]) -> Array:
+        """Move on along the trajectory; a rotation holds it up if it matters as much as the place."""
+        slower, move = min(pace) if self.turn == 1.0 else pace[0], self.moves[0]
+        move.advance(slower * self._dt)
+        self.place, velocity, push = move.now()
+        self.velocity = slower * velocity
+        if move.arrived:
+            self.moves.pop(0)
+        return np.asarray(slower * slower * push)
+
+    def _approach(self, pace: Sequence[float]) -> Array:
+        """Move towards the target at bounded speeds."""
+        dt, before, place = self._dt, self.velocity.copy(), self.place
+        left = self.left(place)
+        for rows, granted, acceleration in (
+            (slice(0, 3), self._fastest * pace[0], self._acceleration),
+            (slice(3, 6), TURN_SPEED * pace[1], TURN_ACCELERATION),
+        ):
+            self.velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
+        place.translation = place.translation + dt * self.velocity[:3]
+        place.rotation = pin.exp3(dt * self.velocity[3:]) @ place.rotation
+        return (self.velocity - before) / dt
