@@ -27,6 +27,7 @@ from walks import by_sole, gain, markdown, shown, walks
 
 from wbc.sim import WalkSpec
 from wbc.sim.studies import Journal, Study, local_executor, read_journal, study_table, sweep
+from wbc.sim.walks.presets import FAST_LANDING
 
 Array = NDArray[np.float64]
 
@@ -44,9 +45,6 @@ CANDIDATES, GRID = 2000, 201
 
 PAPER_GAINS = {"gains.dcm_p": 3.4, "gains.dcm_d": 2.1}
 """The paper's gains on a flat floor."""
-
-FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
-"""Swing of mc_rtc, which the paper's law has."""
 
 HEIGHTS = {
     "cylinder_obstacles": 0.060, "stones": 0.055, "small_stones": 0.020, "stone_bricks": 0.0775,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
@@ -120,39 +121,51 @@ class JointActuators:
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step for a checked command; the state is up to date."""
-        position, torque = command.joint_position, command.joint_torque
-        velocity = command.joint_velocity
-        gains = command.kp is not None or command.kd is not None
-        at_servo = self.servo if position is not None and not gains else self._no_servo
-        desired = torque
-        if position is not None and not at_servo.all():
-            desired = self._servo_torque(data, command, at_servo)
-        j, gear = self._joints, self._gear
-        held = at_servo[j]
-        own = self._bias[:, 0]
-        if self._sprung:
-            q, v = data.qpos[self._qpos], data.qvel[self._dof]
-            own = self._own(q, v)
-        if self._at_end and self._sprung:
-            dt = self._model.opt.timestep
-            v_end = v + (v - self._speed)  # at the acceleration of the last step
-            self._speed = v
-            at_end = self._own(q + dt * v_end if self._at_end == "position" else q, v_end)
-            self._taken.fill(0.0)
-            np.add.at(self._taken, j, np.where(held, 0.0, gear * (at_end - own)))
-            own = at_end
-        if position is not None:
-            reference = np.zeros_like(position) if velocity is None else velocity
-            own = np.where(held, self._own(position, reference), own)
-        wanted = torque[j] if desired is torque else np.where(held, torque[j], desired[j])
-        force = np.where(self._main, wanted / gear, 0.0)
+        follows = command.joint_position is not None and command.kp is None and command.kd is None
+        at_servo = self.servo if follows else self._no_servo
+        torque = self._joint_torque(data, command, at_servo)
+        own = self._own_now(data, at_servo[self._joints])
+        if follows:
+            own = np.where(at_servo[self._joints], self._own_at(command), own)
+        force = np.where(self._main, torque[self._joints] / self._gear, 0.0)
         data.ctrl[self._controls] = (force - own) / self._gain
         if self._spare.size:
             data.ctrl[self._spare] = 0.0
         if self._bare.size:
-            clipped = np.clip(desired, *self._limits)[self._bare]
+            clipped = np.clip(torque, *self._limits)[self._bare]
             self.applied[self._bare] = clipped
             data.qfrc_applied[self._dof[self._bare]] = clipped
+
+    def _joint_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
+        """Return what motors are to give, shape (na,), Nm: beside a servo of the file its feed-forward alone."""
+        if command.joint_position is None or at_servo.all():
+            return command.joint_torque
+        return np.where(at_servo, command.joint_torque, self._servo_torque(data, command, at_servo))
+
+    def _own_at(self, command: Command) -> Array:
+        """Return the force of each actuator at a control of zero, where the command refers its joint to."""
+        position, velocity = command.joint_position, command.joint_velocity
+        assert position is not None
+        return self._own(position, np.zeros_like(position) if velocity is None else velocity)
+
+    def _own_now(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
+        """Return the force of each actuator at a control of zero where its joint is, or will be at the end of the step.
+
+        What that changes of the torque that MuJoCo reports is kept, but for actuators that are `held` at a reference.
+        """
+        if not self._sprung:
+            constant: Array = self._bias[:, 0]
+            return constant
+        q, v = data.qpos[self._qpos], data.qvel[self._dof]
+        own = self._own(q, v)
+        if not self._at_end:
+            return own
+        v_end = v + (v - self._speed)  # at the acceleration of the last step
+        self._speed = v
+        at_end = self._own(q + self._model.opt.timestep * v_end if self._at_end == "position" else q, v_end)
+        self._taken.fill(0.0)
+        np.add.at(self._taken, self._joints, np.where(held, 0.0, self._gear * (at_end - own)))
+        return at_end
 
     def _own(self, position: Array, velocity: Array) -> Array:
         """Return the force of each actuator at a control of zero, by position and velocity of the joints."""
@@ -184,7 +197,7 @@ class JointActuators:
         states = self._model.actuator_actadr[self._actuators]
         return states[states >= 0], self._controls[states >= 0]
 
-    def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
+    def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
         position = command.joint_position

@@ -22,6 +22,16 @@ logger = logging.getLogger(__name__)
 DAMPING = 0.1
 """Damping of joints without a command, as a share of the servos'."""
 
+BAND_STIFFNESS, BAND_DAMPING = 400.0, 40.0
+"""Elastic band over the robot's mass: stiffness, 1/s², and damping, 1/s, at which a hanging mass comes to rest without
+swinging, with 20 rad/s: it stretches by 25 mm."""
+
+BAND_TILT, BAND_TURN = 0.05, 0.02
+"""The same about the level axes over those along them, m²: as of bands that hold the robot 0.2 m beside its middle."""
+
+RAISED, LOWERING, LETTING_GO = 0.05, 1.0, 1.0
+"""Height by which the band holds the robot above the ground, m; times in which it is let down and then released, s."""
+
 
 class RobotWire(Protocol):
     """The robot's end of a wire."""
@@ -80,8 +90,8 @@ class RobotServer:
         self._zero = np.zeros(loop.robot.na)
         self._root = loop.places.root
         mass = loop.robot.mass
-        self._stiffness, self._damping = 400.0 * mass, 40.0 * mass
-        self._top = loop.data.xpos[self._root].copy() + [0.0, 0.0, 0.05]
+        self._stiffness, self._damping = BAND_STIFFNESS * mass, BAND_DAMPING * mass
+        self._top = loop.data.xpos[self._root].copy() + [0.0, 0.0, RAISED]
 
     def run(self, until: Callable[[], bool]) -> None:
         """Run in real time.
@@ -137,24 +147,24 @@ class RobotServer:
         return Command(self._zero, q, self._zero, kp=self._zero, kd=DAMPING * self.loop.description.kd)
 
     def _pull(self) -> None:
-        """Hold the robot with the band, let it down in a second, release it."""
+        """Hold the robot with the band, let it down, release it."""
         force = np.zeros(6)
         past = self.loop.time - self._band
-        if self._band <= 0.0 or past > 2.0:
+        if self._band <= 0.0 or past > LOWERING + LETTING_GO:
             self._hang(force)
             return
-        down = max(0.0, min(1.0, past)) * 0.05
+        down = max(0.0, min(1.0, past / LOWERING)) * RAISED
         velocity = np.zeros(6)
         data, kind = self.loop.data, mujoco.mjtObj.mjOBJ_XBODY
         mujoco.mj_objectVelocity(self.loop.model, data, kind, self._root, velocity, 0)
-        fade = max(0.0, min(1.0, 2.0 - past))
+        fade = max(0.0, min(1.0, (LOWERING + LETTING_GO - past) / LETTING_GO))
         force[:3] = (
             self._stiffness * (self._top - [0.0, 0.0, down] - data.xpos[self._root])
             - self._damping * velocity[3:]
         )
         rotation = data.xmat[self._root].reshape(3, 3)
         tilt = np.cross(rotation[:, 2], [0.0, 0.0, 1.0])
-        force[3:] = 0.05 * self._stiffness * tilt - 0.02 * self._damping * velocity[:3]
+        force[3:] = BAND_TILT * self._stiffness * tilt - BAND_TURN * self._damping * velocity[:3]
         self._hang(fade * force)
 
     def _hang(self, force: Array) -> None:

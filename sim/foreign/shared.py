@@ -36,6 +36,32 @@ MOST_ROBOTS = 16
 """Most robots of a plant: each has a bit of MuJoCo's masks of contacts."""
 
 
+def _shared_model(
+    descriptions: Mapping[str, RobotDescription],
+    foot: Foot,
+    ground: Terrain,
+    things: mujoco.MjSpec | None,
+    timestep: float,
+) -> mujoco.MjModel:
+    """Return the model of several robots on one ground; with furniture they touch it and each other."""
+    spec = mujoco.MjSpec()
+    PhysicsSettings(timestep=timestep).apply(spec)
+    models = {f"{name}/": description.robot() for name, description in descriptions.items()}
+    every = (1 << len(descriptions)) - 1
+    for i, (name, description) in enumerate(descriptions.items()):
+        description.needs_feet("a shared plant")
+        robot, part = models[f"{name}/"], bare_spec(description)
+        add_visuals(part, description, robot)
+        equip(part, description, robot, foot, Machine(), hands=True, shapes=things is not None)
+        for geom in part.geoms:
+            if geom.group == SHAPE_GROUP:  # touches things, and the other robots
+                geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
+        spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
+    surround(spec, ground, things, models, sole_radius=foot.contact.radius)
+    add_stage(spec)
+    return finished(spec, " and ".join(descriptions), few_contacts=things is None)
+
+
 def _seed_of(seed: int, index: int) -> int:
     """Return the seed of one of several robots: that of the plant for the first, drawn from it for the others."""
     drawn = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
@@ -108,30 +134,15 @@ class SharedPlant:
             finite_scalar(f"heading of robot '{name}' (rad)", heading, low=-math.tau, high=math.tau)
             turn = yaw_rotation(heading)
             self._places[choose("robot", name, robots)] = pin.SE3(turn, np.array([x, y, 0.0]))
-        foot = foot_by_name(foot) if isinstance(foot, str) else foot
-        spec = mujoco.MjSpec()
-        PhysicsSettings(timestep=timestep).apply(spec)
         ground = terrain_by_name(terrain) if isinstance(terrain, str) else terrain
         if ground.gives or ground.areas:
             raise InputError(
                 "a ground of a shared plant must be rigid and without areas, which `wbc.Plant` takes: leave out "
                 "floor_stiffness and areas"
             )
+        foot = foot_by_name(foot) if isinstance(foot, str) else foot
         things = None if scene is None else furniture(scene)
-        models = {f"{name}/": description.robot() for name, description in descriptions.items()}
-        every = (1 << len(robots)) - 1
-        for i, (name, description) in enumerate(descriptions.items()):
-            description.needs_feet("a shared plant")
-            robot, part = models[f"{name}/"], bare_spec(description)
-            add_visuals(part, description, robot)
-            equip(part, description, robot, foot, Machine(), hands=True, shapes=scene is not None)
-            for geom in part.geoms:
-                if geom.group == SHAPE_GROUP:  # touches things, and the other robots
-                    geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
-            spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
-        surround(spec, ground, things, models, sole_radius=foot.contact.radius)
-        add_stage(spec)
-        self.model = finished(spec, " and ".join(robots), few_contacts=things is None)
+        self.model = _shared_model(descriptions, foot, ground, things, timestep)
         self.data = mujoco.MjData(self.model)
         self.control_period = float(control_period)
         self.loops = {

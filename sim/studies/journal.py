@@ -20,10 +20,8 @@ import hashlib
 import json
 import logging
 import lzma
-import math
 import os
 import sys
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -48,10 +46,6 @@ PACKED = ".xz"
 
 BEGIN = b'{"clock":'
 """Begin of each line: keys are sorted."""
-
-SYNC_TIME = 1.0
-"""Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process
-loses nothing in any case."""
 
 _log = logging.getLogger(__name__)
 
@@ -239,7 +233,6 @@ class Journal:
             JournalError: Another process writes to the file, or the file is no journal or cannot be written.
         """
         self.path = check_journal_path(path)
-        self._synced = -math.inf
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -290,9 +283,7 @@ class Journal:
             written = os.write(self._file, line)
             if written < len(line):
                 raise OSError(f"{written} of {len(line)} bytes written")
-            if time.monotonic() - self._synced >= SYNC_TIME:
-                os.fsync(self._file)
-                self._synced = time.monotonic()
+            os.fsync(self._file)  # a line survives a loss of power; the kill of the process in any case
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, size)
@@ -300,11 +291,9 @@ class Journal:
         self.entries[entry.key] = entry
 
     def close(self) -> None:
-        """Force all lines to the disk and release the lock."""
+        """Release the lock."""
         file, self._file = self._file, -1
         if file >= 0:
-            with contextlib.suppress(OSError):
-                os.fsync(file)
             os.close(file)
 
     def __enter__(self) -> Journal:

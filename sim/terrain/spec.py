@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import warnings
@@ -22,10 +21,11 @@ from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.areas import Area, read_areas
-from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
-from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site, cells
-from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
-from wbc.sim.terrain.shapes import Box, Shape, lowered
+from wbc.sim.terrain.building import build
+from wbc.sim.terrain.families.base import Family, FieldFamily, make_family
+from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site
+from wbc.sim.terrain.ground import Ground
+from wbc.sim.terrain.shapes import Shape
 
 RAMP = 0.5
 """Default length over which heights grow from 0, m: about three steps. A strip that begins with an edge as high as the
@@ -36,9 +36,6 @@ SOLE_SPHERE_RADIUS = 0.007
 
 MAX_NODES = 10_000_000
 """Largest height field, nodes: 40 MB in single precision."""
-
-FINGERPRINT_STEP = 0.01
-"""Distance of the points of a fingerprint, m."""
 
 MAX_SOLIDS = 50_000_000
 """Largest number of features of a ground of solids: each is a geometry of the simulation."""
@@ -54,9 +51,6 @@ LARGEST_AMPLITUDE = 100.0
 
 LEAST_AMPLITUDE = 1e-6
 """Least amplitude of a ground that is not flat, m: solids cannot be thinner than rounding."""
-
-AMPLITUDE_TOLERANCE = 1e-9
-"""Largest difference between the amplitude asked for and the one built, m."""
 
 
 @settings
@@ -172,10 +166,9 @@ class Terrain:
         return json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
 
     def _check_size(self) -> None:
-        """Check that the ground has a number of features that can be built, and its fingerprint one of points."""
+        """Check that the ground has a number of features that can be built."""
         family, feature = self.parameters, self._feature
-        x0, x1, y0, y1 = self.extent
-        counts = {"points": ((x1 - x0) * (y1 - y0) / FINGERPRINT_STEP**2, MAX_NODES)}
+        counts: dict[str, tuple[float, int]] = {}
         if isinstance(family, FieldFamily):
             cell = family.cell(self.sole_radius)
             rows = 1.0 if family.unidirectional else self.width / cell
@@ -200,65 +193,12 @@ class Terrain:
     @cached_property
     def surface(self) -> Ground:
         """The ground as it is drawn; built at the first query."""
-        if isinstance(self.parameters, FieldFamily):
-            return self._from_heights(self.parameters)
-        assert isinstance(self.parameters, ShapeFamily)
-        return self._from_shapes(self.parameters)
+        return build(self.parameters, self.site(), self.strip, self.ramp, self.sole_radius)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """Solids of the rough part; empty for height fields."""
         return self.surface.shapes
-
-    def _strips(self, start: float, stop: float, floor: float) -> tuple[Box, ...]:
-        """Return the boxes of the flat start and stop, where the floor is not at their level."""
-        x = self.extent
-        spans = ((x[0], self.start, start), (self.stop, x[1], stop))
-        return tuple(strip(a, b, self.width, level, floor) for a, b, level in spans if level != floor)
-
-    def _from_shapes(self, family: ShapeFamily) -> Ground:
-        site = self.site()
-        if self.amplitude == 0.0:
-            return Ground(0.0)
-        shapes, floor = tuple(family.shapes(site)), family.floor(site)
-        built = max((float(s.peak[2]) for s in shapes), default=floor) - floor
-        if abs(built - self.amplitude) > AMPLITUDE_TOLERANCE:
-            raise InputError(
-                f"terrain family '{self.name}' built {built:g} m for an amplitude of {self.amplitude:g} m"
-            )
-        self._stays_inside(Ground(floor, shapes), max(floor, family.stop(site)))
-        return Ground(floor, self._sunk(Ground(floor, shapes)), self._strips(0.0, family.stop(site), floor))
-
-    def _share(self, x: Array) -> Array:
-        """Return the ratio of the heights on the ramp to those without it, at world x (m)."""
-        return np.clip((x - self.start) / self.ramp, 0.0, 1.0) if self.ramp > 0.0 else np.ones_like(x)
-
-    def _sunk(self, ground: Ground) -> tuple[Shape, ...]:
-        """Return the solids of a ground, those of the ramp sunk by the ratio at their middle."""
-        boxes = np.array([shape.box for shape in ground.shapes]).reshape(-1, 4)
-        x, y = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 2] + boxes[:, 3]) / 2.0
-        drops = (1.0 - self._share(x)) * ground.height(x, y)
-        return tuple(s if d == 0.0 else lowered(s, d) for s, d in zip(ground.shapes, drops, strict=True))
-
-    def _stays_inside(self, ground: Ground, stop: float) -> None:
-        """Check along a line just outside the rough part that no solid sticks out of floor and strips."""
-        half, out = self.width / 2.0, 1e-5
-        x = np.linspace(self.start - out, self.stop + out, cells(self.length, PROFILE_STEP) + 1)
-        y = np.linspace(-half - out, half + out, cells(self.width, PROFILE_STEP) + 1)
-        sides = ((x, -half - out, ground.floor), (x, half + out, ground.floor))
-        ends = ((self.start - out, y, 0.0), (self.stop + out, y, stop))
-        if any((ground.height(a, b) > level).any() for a, b, level in (*sides, *ends)):
-            raise InputError(f"terrain family '{self.name}' placed a solid outside the rough part")
-
-    def _from_heights(self, family: FieldFamily) -> Ground:
-        if self.amplitude == 0.0:
-            return Ground(0.0)
-        field, start, stop = family.build(self.site(), family.cell(self.sole_radius))
-        if self.ramp > 0.0:
-            share = self._share(np.linspace(field.x0, field.x1, field.z.shape[1]))
-            field, stop = replace(field, z=field.z * share), stop * float(share[-1])
-        floor = float(field.z.min()) - FLOOR_GAP
-        return Ground(floor, (), self._strips(start, stop, floor), field)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""
@@ -323,17 +263,6 @@ class Terrain:
         step = min(PROFILE_STEP, self.length / LEAST_SAMPLES)
         return roughness(*self.profile(step=step), RoughnessSettings(corner=None))
 
-    def fingerprint(self) -> str:
-        """Hash the heights, rounded to 1 µm, on a grid over the track: equal on every machine, hex digits.
-
-        The grid is laid off the edges of rough part and solids by an odd fraction of the step.
-        """
-        step, (x0, x1, y0, y1) = FINGERPRINT_STEP, self.extent
-        x = np.arange(x0 + 0.3183 * step, x1, step)
-        y = np.arange(y0 + 0.3183 * step, y1, step)
-        z = np.round(self.height(x[None, :], y[:, None]) * 1e6).astype("<i8")
-        return hashlib.sha256(z.tobytes()).hexdigest()[:16]
-
     def describe(self) -> dict[str, Any]:
         """Return all facts about the terrain as JSON values; names carry the units."""
         ground = self.surface
@@ -358,7 +287,6 @@ class Terrain:
             "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
             "areas": list(self.areas),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
-            "fingerprint": self.fingerprint(),
         }
 
 

@@ -126,13 +126,11 @@ class WalkSpec(TrialSpec):
     guarded: bool = False
 
     def __post_init__(self) -> None:
-        def store(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
-        store("robot", stamped(self.robot))
+        """Check the fields and put them into the normal form: each part by those before it."""
+        self._keep(robot=stamped(self.robot))
         load(self.robot).needs_feet("a walk")
         if self.trained is not None:
-            store("trained", self._check_trained(stamped_policy(self.trained)))
+            self._keep(trained=self._check_trained(stamped_policy(self.trained)))
         elif self.guarded:
             raise InputError("a guard is for a trained policy: give trained, too")
         super().__post_init__()
@@ -140,19 +138,27 @@ class WalkSpec(TrialSpec):
             raise InputError(
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
             )
-        store("foot_changes", foot_changes(self.foot, self.foot_changes))
-        store("changes", checked_changes(self.gains, self.changes))
-        trial = self.settings()
-        check_read(self.changes, trial)
-        ground = self.ground()
-        store("terrain_params", _as_used(ground, self.terrain_params))
+        self._keep(
+            foot_changes=foot_changes(self.foot, self.foot_changes),
+            changes=checked_changes(self.gains, self.changes),
+        )
+        check_read(self.changes, self.settings())
+        self._keep(terrain_params=_as_used(self.ground(), self.terrain_params))
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
-        scheduling = self.scheduling
+        _, parameters = self.scheduling
         if self.policy is not None or self.policy_params:
-            store("policy_params", scheduling[1])
-        prepared = self.prepare()
+            self._keep(policy_params=parameters)
+        self._check_pushes(self.prepare())
+
+    def _keep(self, **normal: Any) -> None:
+        """Keep fields in their normal form, in which equal walks are equal specs."""
+        for name, value in normal.items():
+            object.__setattr__(self, name, value)
+
+    def _check_pushes(self, prepared: PreparedWalk) -> None:
+        """Refuse pushes on what the robot has not, and those that come after the walk."""
         steps = len(prepared.plan)
         for push in self.pushes:
             body_frame(push.body, prepared.robot())

@@ -159,21 +159,8 @@ class WalkTrial(Trial[Any, WalkResult]):
 
     def result(self) -> WalkResult:
         """Return the result of the walk."""
-        control, diverged = self.control, self.diverged
+        control, arrival, outcome = self.control, self._arrival, self._outcome()
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
-        arrival = self._arrival
-        if diverged is not None:
-            outcome = "diverged"
-        elif fall is not None:
-            outcome = "fell"
-        elif self.stopped:
-            outcome = "stopped"
-        elif not self._drive.over:
-            outcome = "unfinished"
-        elif arrival is None or arrival.arrived(middle(self.plant), self._heading()):
-            outcome = "completed"
-        else:
-            outcome = "stopped" if control.stopped else "strayed"
         planned = len(self._prepared.plan) or control.steps_done
         figures = self.meter.figures()
         return WalkResult(
@@ -185,7 +172,7 @@ class WalkTrial(Trial[Any, WalkResult]):
             fell=fall is not None,
             fall_reason=None if fall is None else fall.reason,
             fall=fall,
-            diverged=diverged,
+            diverged=self.diverged,
             seconds=self.plant.time,
             **self._travel(arrival),
             track_error=None if arrival is None else arrival.track_error,
@@ -201,6 +188,20 @@ class WalkTrial(Trial[Any, WalkResult]):
                 decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
             ),
         )
+
+    def _outcome(self) -> str:
+        """Return how the walk has ended; see `WalkResult`."""
+        if self.diverged is not None:
+            return "diverged"
+        if self.fall is not None:
+            return "fell"
+        if self.stopped:
+            return "stopped"
+        if not self._drive.over:
+            return "unfinished"
+        if self._arrival is None or self._arrival.arrived(middle(self.plant), self._heading()):
+            return "completed"
+        return "stopped" if self.control.stopped else "strayed"
 
     def _notes(self, outcome: str) -> tuple[str, ...]:
         """Return what made the walk walkable, why a guard relieved its policy, and which pushes have not begun."""

@@ -58,25 +58,25 @@ def test_a_run_waits_for_the_clock_and_does_not_catch_up_what_is_long_gone(
 ) -> None:
     hours = Clock(monkeypatch, base)
     view = Bare(HRP4, port=0, speed=2.0)
-    view._wait_for(0.1)
-    assert view._due == hours.now and not hours.slept, "the first tick is where the clock is"
-    view._wait_for(0.2)
+    view._pace.wait(0.1, view.speed)
+    assert view._pace.due == hours.now and not hours.slept, "the first tick is where the clock is"
+    view._pace.wait(0.2, view.speed)
     assert hours.slept == pytest.approx([0.05]), "0.1 s at twice its pace"
     hours.now += 0.05 + 0.9 * CATCH_UP_TIME
-    view._wait_for(0.3)
-    assert hours.slept[-1] == 0.0 and view._due == pytest.approx(100.1), "late, and it catches up"
+    view._pace.wait(0.3, view.speed)
+    assert hours.slept[-1] == 0.0 and view._pace.due == pytest.approx(100.1), "late, and it catches up"
     hours.now += 0.2 * CATCH_UP_TIME + 0.05
-    view._wait_for(0.4)
-    assert view._due == hours.now and len(hours.slept) == 2, "too late"
+    view._pace.wait(0.4, view.speed)
+    assert view._pace.due == hours.now and len(hours.slept) == 2, "too late"
     for time in (0.4 + 1.01 * MAX_STEP, 0.2):
-        view._due = hours.now + 50.0
-        view._wait_for(time)
-        assert view._due == hours.now, "another run, or one that has begun anew"
-    view._wait_for(0.2 + 0.99 * MAX_STEP)
+        view._pace.due = hours.now + 50.0
+        view._pace.wait(time, view.speed)
+        assert view._pace.due == hours.now, "another run, or one that has begun anew"
+    view._pace.wait(0.2 + 0.99 * MAX_STEP, view.speed)
     assert hours.slept[-1] == pytest.approx(0.5 * 0.99 * MAX_STEP)
     view.speed = None
     count = len(hours.slept)
-    view._wait_for(view._time + 0.5)
+    view._pace.wait(view._pace.time + 0.5, view.speed)
     assert len(hours.slept) == count
 
 
@@ -118,7 +118,7 @@ def test_what_a_view_says_of_program_control_and_end() -> None:
     control = wbc.PositionControl(wbc.balance_controller(plant.robot, plant.control_period))
     program: Any = SimpleNamespace(path="demo/wait", control=control)
     view = Bare(plant, control, port=0)
-    view._program = program
+    view.run.program = program
     assert view.walking is None and view.steered is None
     assert not view.ended("fell")
     view.close()
@@ -138,9 +138,9 @@ def test_the_time_of_a_described_robot_is_that_of_its_measurement(monkeypatch: p
     Clock(monkeypatch, base)
     view = Bare(HRP4, port=0)
     view.update(HRP4.robot(), measurement=SimpleNamespace(time=7.5, sole_wrench=None))  # type: ignore[arg-type]
-    assert view._time == 7.5 and view.sent[-1].time == 7.5
+    assert view._pace.time == 7.5 and view.sent[-1].time == 7.5
     view.update(HRP4.robot())
-    assert view._time == 7.5, "without one the run has not gone on"
+    assert view._pace.time == 7.5, "without one the run has not gone on"
 
 
 def test_the_first_free_port_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from at_rest import at_rest
 import wbc
 from wbc.app.log import sources
 from wbc.app.log.signals import Signals, Tick
+from wbc.app.log.truth import add_plant
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
@@ -269,7 +270,7 @@ def test_the_truth_of_a_plant_is_that_of_its_simulation() -> None:
     for _ in range(3):
         plant.step(plant.hold())
     truth = plant.truth()
-    found = Columns(sources._add_plant, tick).read(tick)
+    found = Columns(add_plant, tick).read(tick)
     np.testing.assert_allclose(found.group("truth/com"), truth.com, atol=1e-9)
     np.testing.assert_allclose(found.group("truth/com_velocity"), truth.com_velocity, atol=1e-6)
     np.testing.assert_allclose(found.group("truth/base/position"), truth.q[:3], atol=1e-9)

@@ -452,12 +452,9 @@ def test_a_layout_needs_room_for_its_margin_and_half_a_pitch() -> None:
 
 
 SIZES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
-    # 50,000 solids; 10 million points of a fingerprint, 10 mm apart; 10 million nodes in cells of 1 mm; 50 million
-    # quarters of cobbles
+    # 50,000 solids; 10 million nodes in cells of 1 mm; 50 million quarters of cobbles
     ("stones", {"density": 50_000.0, "length": 2.0, "width": 0.5}, {"density": 50_001.0}),
     ("stones", {"density": 50_000.0, "length": 2.0, "width": 0.5}, {"length": 2.001}),
-    ("flat", {"length": 998.0}, {"length": 998.1}),
-    ("flat", {"length": 8.0, "width": 100.0}, {"width": 100.1}),
     ("iso8608", {"isotropic": True, "length": 10.0, "sole_radius": 1e-3}, {"length": 10.1}),
     ("iso8608", {"isotropic": True, "length": 10.0, "sole_radius": 1e-3}, {"width": 1.01}),
     ("random", {"length": 998.0, "sole_radius": 1e-4, "spacing": 1e-4}, {"sole_radius": 0.9e-4}),
@@ -544,7 +541,6 @@ def test_a_ground_says_what_it_is_made_of(name: str) -> None:
         assert facts["cell_m"] == pytest.approx([2.0 / (columns - 1), 1.0 / (rows - 1)])
         assert facts["height_field_bytes"] == 4 * rows * columns  # single precision
     assert all(type(value) in (float, int, bool, str) for value in facts["parameters"].values())
-    assert facts["fingerprint"] != replace(t, seed=5).fingerprint()
 
 
 @pytest.mark.parametrize("name", sorted(n for n in NAMES if n != "patchwork"))

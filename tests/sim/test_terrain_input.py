@@ -142,8 +142,10 @@ def test_images_are_read_from_files(tmp_path: Path) -> None:
     ]
     np.save(same[3], eight)
     np.savetxt(same[4], eight, delimiter=",")
-    prints = {terrain("image", 0.03, source=p, metres_per_pixel=0.01).fingerprint() for p in same}
-    assert len(prints) == 1
+    first, *others = (terrain("image", 0.03, source=p, metres_per_pixel=0.01) for p in same)
+    x, y = np.meshgrid(np.linspace(first.start, first.stop, 301), np.linspace(-0.4, 0.4, 81))
+    for other in others:
+        np.testing.assert_allclose(other.height(x, y), first.height(x, y), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["stones", "random"])

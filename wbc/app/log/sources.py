@@ -12,19 +12,28 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.app.log.names import (
+    WRENCH,
+    WRENCH_UNITS,
+    XY,
+    XYZ,
+    add_motion,
+    foot_names,
+    joint_units,
+    torque_units,
+)
 from wbc.app.log.signals import Read, Signals, Tick, TickPart, cached
+from wbc.app.log.truth import add_plant, add_truth, dcm_of
 from wbc.base.numbers import Array
-from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.frames import net_wrench
 from wbc.core.qp.solving.solution import Layout, Solution
-from wbc.core.robot import SIDES, Robot
-from wbc.sim.plant.grips import SCENE_PREFIX
+from wbc.core.robot import Robot
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
@@ -36,9 +45,6 @@ if TYPE_CHECKING:
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
     from wbc.walking.source import Reference
 
-XYZ, XY, QUATERNION = ("x", "y", "z"), ("x", "y"), ("x", "y", "z", "w")
-WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
-WRENCH_UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
 VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
@@ -62,9 +68,9 @@ def tick_signals(tick: Tick) -> Signals:
     if tick.control is not None or tick.solution is not None:
         _add_solver(signals, tick)
     if isinstance(tick.plant, Plant):
-        _add_plant(signals, tick)
+        add_plant(signals, tick)
     elif tick.truth is not None:
-        _add_truth(signals, tick)
+        add_truth(signals, tick)
     if tick.walking is not None and tick.walking.stiffness is not None:
         _add_stiffness(signals, tick.walking.stiffness)
     return signals
@@ -147,9 +153,9 @@ def _add_references(signals: Signals, feet: Sequence[str], planned: TickPart[Ref
         one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
         pose = planned(lambda r, i: pin.SE3ToXYZQUAT(r.feet[i].placement), i)
         velocity = planned(lambda r, i: r.feet[i].velocity, i)
-        _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
+        add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
     group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
-    group("dcm/estimated", XY, "m", "of the estimated CoM, world", lambda t: _dcm(t, t.estimate))
+    group("dcm/estimated", XY, "m", "of the estimated CoM, world", lambda t: dcm_of(t, t.estimate))
 
 
 def _add_stabilizer(signals: Signals, tick: Tick) -> None:
@@ -196,33 +202,13 @@ def _tilts(correction: FootCorrection) -> tuple[float, float, float]:
     return correction.roll, correction.pitch, correction.height
 
 
-def _dcm(tick: Tick, state: Robot | _TrueState | None) -> Array | None:
-    """Return the DCM of an estimated or true state; None without a reference."""
-    if tick.reference is None or state is None:
-        return None
-    return dcm(state.com[:2], state.com_velocity[:2], tick.reference.pendulum.omega)
-
-
-def _add_motion(
-    signals: Signals, name: str, what: str, frame: str, pose: Read, velocity: Read | None
-) -> None:
-    """Describe the pose (position, quaternion) and velocity (linear, angular) of a base or sole."""
-    about = "sole centre, world" if what == "sole" else "world"
-    parts = [f"{name}/position/{axis}" for axis in XYZ]
-    parts += [f"{name}/orientation/{axis}" for axis in QUATERNION]
-    signals.each(parts, ["m"] * 3 + ["1"] * 4, f"{about}; {what} frame in the world", pose)
-    if velocity is not None:
-        parts = [f"{name}/{kind}_velocity/{axis}" for kind in ("linear", "angular") for axis in XYZ]
-        signals.each(parts, ["m/s"] * 3 + ["rad/s"] * 3, frame, velocity)
-
-
 def _add_estimate(signals: Signals, tick: Tick) -> None:
     """Describe the estimated state of the robot and, in position control, the commanded base."""
     robot = cast(Robot, tick.estimate)
     group, estimated = signals.group, TickPart(lambda t: t.estimate)
 
     def base(state: TickPart[Any], name: str) -> None:
-        _add_motion(signals, name, "base", "base frame", state(lambda s: s.q[:7]), state(lambda s: s.v[:6]))
+        add_motion(signals, name, "base", "base frame", state(lambda s: s.q[:7]), state(lambda s: s.v[:6]))
 
     base(estimated, "base/estimated")
     group("com/estimated", XYZ, "m", "world", estimated(lambda r: r.com))
@@ -230,7 +216,7 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     for foot, sole in zip(foot_names(robot), robot.soles, strict=True):
         frame = robot.frame_id(sole.frame)
         pose = estimated(lambda r, frame: pin.SE3ToXYZQUAT(r.data.oMf[frame]), frame)
-        _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
+        add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(TickPart(lambda t: t.drives), "base/commanded")
     if robot.soles:
@@ -386,102 +372,6 @@ def _norm(values: Array | None) -> float:
     return math.nan if values is None else math.sqrt(values.dot(values))
 
 
-def _add_plant(signals: Signals, tick: Tick) -> None:
-    """Describe base, joints, soles, centre of mass and pushes of a plant, copied from MuJoCo's state."""
-    import mujoco  # noqa: PLC0415 - a plant has imported it
-
-    plant = cast(Plant, tick.plant)
-    model, data = plant.model, plant.data
-    own = [i for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
-    joints = [model.joint(i) for i in own]
-    units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
-    end, base = 7 + len(joints), int(model.jnt_bodyid[0])  # furniture comes after the robot
-    sites = [model.site(foot.wrench_site).id for foot in plant.feet]
-    still = np.array([math.nan] * 3 + [0.0] * 3)
-
-    def state(_: Tick) -> _TrueState:
-        mujoco.mj_subtreeVel(model, data)
-        q = configuration_from_mujoco(data.qpos[:end])
-        v = velocity_from_mujoco(q, data.qvel[:6])
-        com, velocity, feet = data.subtree_com[base], data.subtree_linvel[base], data.site_xpos[sites]
-        return _TrueState(q, v, plant.joint_torque, com, velocity, feet.ravel())
-
-    def push(_: Tick) -> Array:
-        forces = data.xfrc_applied[:, :3]
-        if not forces.any():
-            return still
-        body = int(np.argmax(np.square(forces).sum(axis=1)))
-        return np.concatenate([data.xipos[body], forces[body]])
-
-    _add_true_state(signals, tick, state, [joint.name for joint in joints], units)
-    parts = [f"truth/push/{kind}/{axis}" for kind in ("point", "force") for axis in XYZ]
-    about = "point of attack of the largest push, and its force, world"
-    signals.each(parts, ["m"] * 3 + ["N"] * 3, about, push)
-    if furniture := furniture_signals(plant):
-        names, units, found = (list(each) for each in zip(*furniture, strict=True))
-        places = np.array(found, dtype=np.intp)
-        signals.each(
-            names, units, "of the furniture, as MuJoCo counts it, world", lambda _: data.qpos[places]
-        )
-
-
-def _add_truth(signals: Signals, tick: Tick) -> None:
-    """Describe the true state of a loop that is no plant, under the names of a plant's."""
-    robot = tick.robot.clone()
-
-    def state(tick: Tick) -> _TrueState | None:
-        truth = tick.truth
-        if truth is None:
-            return None
-        pin.framesForwardKinematics(robot.model, robot.data, truth.q)
-        feet = np.concatenate([robot.placement(sole.frame).translation for sole in robot.soles[:2]])
-        return _TrueState(truth.q, truth.v, truth.joint_torque, truth.com, truth.com_velocity, feet)
-
-    names, units = robot.joint_names, joint_units(robot)
-    _add_true_state(signals, tick, state, names, units)
-
-
-class _TrueState(NamedTuple):
-    """True state of a robot: configuration with the joints of soft soles, velocity, torques, CoM and sole centres."""
-
-    q: Array
-    v: Array
-    joint_torque: Array
-    com: Array
-    com_velocity: Array
-    feet: Array
-
-
-def _add_true_state(
-    signals: Signals,
-    tick: Tick,
-    state: Callable[[Tick], _TrueState | None],
-    joints: Sequence[str],
-    units: Sequence[str],
-) -> None:
-    robot, group, found = tick.robot, signals.group, cached(state)
-    true = TickPart(found)
-
-    base = "truth/base"
-    _add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
-    names = [position_signal(joint, robot) for joint in joints]
-    signals.each(names, units, "without sensor errors", true(lambda s: s.q[7:]))
-    about = "last applied by the drives"
-    group("truth/joint/torque", robot.joint_names, torque_units(robot), about, true(lambda s: s.joint_torque))
-    group("truth/com", XYZ, "m", "of everything, feet included, world", true(lambda s: s.com))
-    group("truth/com_velocity", XYZ, "m/s", "world", true(lambda s: s.com_velocity))
-    soles = [f"truth/foot/{side}/position/{axis}" for side in SIDES for axis in XYZ]
-    signals.each(soles, "m", "sole centre, world", true(lambda s: s.feet))
-    about = "torque over its limit in the direction in which it acts"
-
-    def ratio(state: _TrueState) -> Array:
-        return np.copysign(robot.torque_share(state.joint_torque), state.joint_torque)
-
-    group("truth/joint/torque_ratio", robot.joint_names, "1", about, true(ratio))
-    if tick.walking is not None:
-        group("truth/dcm", XY, "m", "world", lambda t: _dcm(t, found(t)))
-
-
 def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
     """Describe scan, decision and result of each step of the stiffness scheduling, in the tick of its landing."""
     last: list[Any] = [task.steps[-1] if task.steps else None]
@@ -515,49 +405,3 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
     one("stiffness/scan/lateral", "m", "profile: to the left of that line", scan(lambda p: p.lateral), "list")
     heading = scan(lambda p: math.atan2(p.forward[1], p.forward[0]))
     one("stiffness/scan/heading", "rad", "walking direction of the profile", heading)
-
-
-def furniture_signals(plant: Plant) -> list[tuple[str, str, int]]:
-    """Return name, unit and place in MuJoCo's positions of each coordinate of the furniture that moves."""
-    import mujoco  # noqa: PLC0415 - a plant has imported it
-
-    model, kinds, found = plant.model, mujoco.mjtJoint, dict[str, tuple[str, int]]()
-    place, turn = (
-        [(f"position/{axis}", "m") for axis in XYZ],
-        [(f"orientation/{axis}", "1") for axis in "wxyz"],
-    )
-    parts = {
-        kinds.mjJNT_FREE: place + turn,
-        kinds.mjJNT_BALL: turn,
-        kinds.mjJNT_SLIDE: [("position", "m")],
-        kinds.mjJNT_HINGE: [("angle", "rad")],
-    }
-    for i in np.flatnonzero(~plant.of_robot[model.jnt_bodyid]).tolist():
-        joint = model.joint(i)
-        name = (joint.name or model.body(model.jnt_bodyid[i]).name).removeprefix(SCENE_PREFIX)
-        for k, (part, unit) in enumerate(parts[kinds(int(joint.type[0]))]):
-            whole = f"truth/scene/{name}/{part}"  # two joints of one body may have no names
-            found[whole if whole not in found else f"{whole} {i}"] = unit, int(joint.qposadr[0]) + k
-    return [(name, *where) for name, where in found.items()]
-
-
-def foot_names(robot: Robot) -> list[str]:
-    """Return the names of the feet in a log: left and right, or the names of the soles of any other robot."""
-    names = [sole.name for sole in robot.soles]
-    return list(SIDES) if names == ["left_foot", "right_foot"] else names
-
-
-def joint_units(robot: Robot) -> list[str]:
-    """Return the unit of each joint's position: rad, or m for a prismatic joint."""
-    kinds = [robot.model.joints[number].shortname() for number in robot.joint_numbers]
-    return ["m" if kind.startswith("JointModelP") else "rad" for kind in kinds]
-
-
-def torque_units(robot: Robot) -> list[str]:
-    """Return the unit of each joint's torque: Nm, or N for a prismatic joint."""
-    return ["N" if unit == "m" else "Nm" for unit in joint_units(robot)]
-
-
-def position_signal(joint: str, robot: Robot) -> str:
-    """Return the name of the signal of a joint's true position; sole hinges are not in the robot model."""
-    return f"truth/joint/position/{joint}" if joint in robot.joint_names else f"truth/sole/{joint}"

@@ -12,23 +12,19 @@ import sys
 import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
-from wbc.app.view.stage import DescribedStage, SimulatedStage
+from wbc.app.view.shown import ShownRun
+from wbc.app.view.stage import SimulatedStage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.drive.control import Control
-from wbc.core.qp.controller import Controller
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.trial import TrialHook
 from wbc.tasks.behaviours import Program
-from wbc.walking.control import WalkingControl
-from wbc.walking.steered import SteeredControl
 
 if TYPE_CHECKING:
     from wbc.app.view.controls import LiveControls
@@ -47,9 +43,6 @@ RATE = 20.0
 
 TEXT_PERIOD = 0.2
 """Period of texts, s."""
-
-STATUS_LENGTH = 120
-"""Number of characters of the state of the control that are shown; a fall and a stop stand first in it."""
 
 CATCH_UP_TIME, MAX_STEP = 0.2, 1.0
 """A run that is further behind the clock does not catch up, nor one whose time has gone on by more, or back, s."""
@@ -79,7 +72,8 @@ class View(TrialHook, ABC):
     Texts: time, state of a program, phase of a walk, state of the control, end of the run, and a legend of the marks.
 
     Attributes:
-        stage: Model, its state, and sizes of what is drawn.
+        run: Run that is shown.
+        stage: Its model, the state of that, and sizes of what is drawn.
         walking: Controller of a walk; None for any other.
         steered: Controller of a walk, or a trained policy; None for any other.
         frames: Number of pictures so far.
@@ -90,6 +84,7 @@ class View(TrialHook, ABC):
         controls: Controls of the run, with the changes made so far; None for a view without controls.
     """
 
+    run: ShownRun
     url: str = ""
     controls: LiveControls | None = None
 
@@ -124,7 +119,7 @@ class View(TrialHook, ABC):
         """
         self._period = 1.0 / rate
         self.speed = speed
-        self._due = self._time = 0.0  # clock and simulated time of the last tick
+        self._pace = Pace()
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._port, self._wait, self._opened, self.stays = port, wait, False, False
         self._trial: AnyTrial | None = None
@@ -137,7 +132,8 @@ class View(TrialHook, ABC):
         """Show a run, another one in the same view for example after `ended`."""
         if self.closed:
             raise ViewError(CLOSED)
-        self._set_source(source, control, program)
+        self.run = run = ShownRun(source, control, program)
+        self.stage, self.walking, self.steered = run.stage, run.walking, run.steered
         if opens := not self._opened:
             self._open(free_port(self._port))
             self._opened = True
@@ -178,32 +174,6 @@ class View(TrialHook, ABC):
         del result
         if not self.stays:
             self.close()
-
-    def _set_source(
-        self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
-    ) -> None:
-        control = program.control if control is None and program is not None else control
-        if control is not None and not isinstance(control, (Control, Controller)):
-            raise InputError(f"a view shows a control or a Controller, got {control!r}")
-        self._program, self._ending = program, ""
-        self._control: Control | None = control if isinstance(control, Control) else None
-        self._controller = control if isinstance(control, Controller) else None
-        acting = None
-        if self._control is not None:
-            drives, acting = self._control.drives, self._control.acting
-            self._controller = None if drives is None else drives.controller
-        self.walking = acting if isinstance(acting, WalkingControl) else None
-        self.steered = control if isinstance(control, SteeredControl) else None
-        self.stage: SimulatedStage | DescribedStage
-        if isinstance(source, RobotDescription) and self.walking is None:
-            self.stage = DescribedStage(source)
-        elif isinstance(source, MujocoRobot):
-            self.stage = SimulatedStage(source, self.walking)
-        else:
-            raise InputError(
-                "a view shows a plant or a MujocoLoop, or the description of a robot without a walk, whose states are "
-                f"given to update(robot); got {source!r}"
-            )
 
     # ---- what a kind of page does -----------------------------------------------------------------------------------
 
@@ -250,7 +220,7 @@ class View(TrialHook, ABC):
             raise InputError(
                 "a view of a simulation reads its state itself: update(); a view of a description needs update(robot)"
             )
-        now = self._time if measurement is None else measurement.time
+        now = self._pace.time if measurement is None else measurement.time
         if isinstance(stage, SimulatedStage):
             now = stage.robot.time
 
@@ -261,19 +231,10 @@ class View(TrialHook, ABC):
             return stage.picture(state, measurement)
 
         self._take_orders(now, picture)
-        self._wait_for(now)
+        self._pace.wait(now, self.speed)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
             self._show(picture())
-
-    def _wait_for(self, time: float) -> None:
-        """Wait until the clock has come as far as the run, s."""
-        step, self._time, present = time - self._time, time, clock.perf_counter()
-        self._due += step / (self.speed or math.inf)
-        if not 0.0 <= step <= MAX_STEP or present > self._due + CATCH_UP_TIME:
-            self._due = present
-        elif self.speed is not None:
-            clock.sleep(max(0.0, self._due - present))
 
     def _show_last(self) -> None:
         """Show the present state of a simulation."""
@@ -282,18 +243,12 @@ class View(TrialHook, ABC):
 
     def _show(self, picture: Picture) -> None:
         self.frames += 1
-        if self._program is not None:
-            picture.text.insert(0, self._program.path)
-        if self._control is not None:
-            status = shorten(self._control.status(), STATUS_LENGTH, placeholder=" …")
-            picture.text.append(f"control: {status}")
-        if self._ending:
-            picture.text.append(f"the run has ended: {self._ending}")
+        self.run.add_texts(picture)
         self._send(picture)
 
     def ended(self, how: str) -> bool:
         """Say on the page, from the next picture on, how the run has ended; True if the page asks for a restart."""
-        self._ending = how
+        self.run.ending = how
         return False
 
     @checked
@@ -321,6 +276,28 @@ class View(TrialHook, ABC):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+class Pace:
+    """Pace of a run that follows the clock.
+
+    Attributes:
+        time: Simulated time of the last tick, s.
+        due: Clock at which it was to come, s.
+    """
+
+    def __init__(self) -> None:
+        """Begin with the first tick."""
+        self.time = self.due = 0.0
+
+    def wait(self, time: float, speed: float | None) -> None:
+        """Wait until the clock has come as far as a run, s, at a multiple of real time; None never waits."""
+        step, self.time, present = time - self.time, time, clock.perf_counter()
+        self.due += step / (speed or math.inf)
+        if not 0.0 <= step <= MAX_STEP or present > self.due + CATCH_UP_TIME:
+            self.due = present
+        elif speed is not None:
+            clock.sleep(max(0.0, self.due - present))
 
 
 def free_port(port: int | None) -> int:

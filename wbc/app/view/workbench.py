@@ -51,7 +51,7 @@ class Workbench(View):
 
     def _build(self) -> None:
         robot = self.stage.robot if isinstance(self.stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, self.steered, self._controller)
+        self.controls = LiveControls(robot, self.steered, self.run.controller)
         for command in self._commands:
             command.remove()
         self._commands.clear()
@@ -61,7 +61,7 @@ class Workbench(View):
         self._gizmos: list[Gizmo] = []
         with self._page.server.atomic():
             self._page.build(self.stage)
-            self._fill(self._program)
+            self._fill(self.run.program)
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
