@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import html
+import inspect
 import re
 import sys
 import tomllib
+from collections.abc import Iterator
 from html.parser import HTMLParser
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, is_typeddict
 from urllib.parse import unquote, urlsplit
 
 from docutils import nodes
@@ -26,7 +31,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
 from short_types import as_names, shorten  # noqa: E402
 
-from wbc import __version__  # noqa: E402 - the path comes first
+import wbc  # noqa: E402 - the path comes first
+from wbc import __version__  # noqa: E402
 from wbc.base.numbers import Array  # noqa: E402
 
 project, author = "wbc", "The wbc developers"
@@ -57,28 +63,101 @@ pygments_style, pygments_dark_style = "tango", "monokai"
 default_role = "py:obj"
 toc_object_entries_show_parents = "hide"
 autoclass_content = "both"
-autodoc_default_options = {"members": True, "imported-members": True, "member-order": "bysource"}
+autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints_format = "short"
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
-CLONE = re.compile(r"^> In a clone .*\n", re.MULTILINE)
-"""Line for those who read a page of the reference in a clone, where the docstrings are missing."""
+CLONE = re.compile(
+    r"^> In a clone [^\n]*\n|^<!-- members of wbc\.(?!core\.qp\.options)[^\n]* -->\n.*?^<!-- end -->$",
+    re.MULTILINE | re.DOTALL,
+)
+"""What those read in a clone for whom the docstrings are missing: a line, and tables of members of classes."""
+
+LISTED = re.compile(r"^<!-- (names|members) of ([\w.]+)(?:: ([\w, ]+))? -->$", re.MULTILINE)
+"""Comment in front of a table of the reference: a package with some of its names or all, or a class."""
+
+MEMBERS_OF, INSIDE = (
+    re.compile(r"^<!-- members of \S*\.(\w+)", re.MULTILINE),
+    re.compile(r"\[([^]]+)\]\(#(\w+)\)"),
+)
+"""Class whose members have a table with a heading, and link to a heading of the same page."""
 
 OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
 """Links to Markdown outside of the documentation."""
+
+COLON = chr(0xE000)
+"""Colon of a sentence while Google sections are read."""
 
 SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 
 
 def change_source(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Leave out what is for readers in a clone, and mark links out of the documentation."""
-    source[0] = OUTSIDE.sub(r"](path:\1)", CLONE.sub("", source[0]))
+    """Leave out what is for readers in a clone, mark links out of the documentation, and add entries of names."""
+    text = OUTSIDE.sub(r"](path:\1)", CLONE.sub("", source[0]))
+    gone = {name.lower() for name in MEMBERS_OF.findall(source[0])}.difference(
+        name.lower() for name in re.findall(r"^### (\w+)$", text, re.MULTILINE)
+    )
+    text = INSIDE.sub(lambda found: found[1] if found[2] in gone else found[0], text)
+    if entries := list(_entries(source[0], docname)):
+        text = text.replace("\n## Members\n", "\n## Reference\n")
+        text += "\n".join(("\n```{eval-rst}", *entries, "```\n"))
+    source[0] = text
+
+
+def _entries(text: str, docname: str) -> Iterator[str]:
+    """Directives for all names in the tables of a page, in their order; `wbc` leaves classes to their rooms' pages."""
+    done: set[str] = set()
+    for what, path, some in LISTED.findall(text) if docname.startswith("api/") else ():
+        if what == "names":
+            public = import_module(path).__all__
+            if path not in done:
+                done.add(path)
+                yield f".. automodule:: {path}\n   :no-members:\n"
+            paths = [f"{path}.{name}" for name in (some.split(", ") if some else public)]
+        else:
+            paths = [path]
+        for each in paths:
+            room, _, name = each.rpartition(".")
+            thing = getattr(import_module(room), name)
+            if each in done or is_typeddict(thing) or not callable(thing):
+                continue
+            done.add(each)
+            if inspect.isclass(thing):
+                if docname == "api/wbc" and any(
+                    thing in map(vars(room).get, room.__all__) for room in rooms()
+                ):
+                    continue
+                kind = "exception" if issubclass(thing, BaseException) else "class"
+                yield f".. auto{kind}:: {each}\n   :inherited-members: {', '.join(_documented(thing))}\n"
+            else:
+                yield f".. autofunction:: {each}\n"
+
+
+@functools.cache
+def rooms() -> tuple[ModuleType, ...]:
+    """Return the packages that have a page of the reference, without `wbc` itself."""
+    pages = (page.stem for page in (ROOT / "docs" / "api").glob("*.md"))
+    return tuple(import_module(f"wbc.{name}") for name in pages if name != "wbc")
+
+
+def _documented(kind: type) -> Iterator[str]:
+    """Names of the bases of a class whose members stand elsewhere: public ones, and those of other libraries."""
+    public = {name for room in (wbc, *rooms()) for name in room.__all__}
+    for base in kind.__mro__[1:]:
+        if base.__name__ in public or not base.__module__.startswith("wbc."):
+            yield base.__name__
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Mark indented blocks as literal, before Google sections are read, and escape what is not reStructuredText."""
+    if what in ("property", "attribute") and lines:
+        lines[0] = lines[0].replace(
+            ": ", COLON
+        )  # Google sections would take what is in front of it for a type
+    if any(line.startswith("Create new instance of") for line in lines):
+        del lines[next(k for k, line in enumerate(lines) if line.startswith("Create new instance of")) :]
     out: list[str] = []
     section = block = False
     for before, line in zip(["", *lines], lines, strict=False):
@@ -90,6 +169,14 @@ def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
         literal = line.startswith(" ") and not section
         out.append(line if literal else re.sub(r"(?<![\w*`])\*(?=\w)|\|", r"\\\g<0>", line))
     lines[:] = out
+
+
+def name_attributes(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Write types of attributes by their own names, without their modules, after Google sections are read."""
+    for k, line in enumerate(lines):
+        lines[k] = line.replace(COLON, ": ")
+        if line.startswith(":vartype "):
+            lines[k] = re.sub(r"\b(?:\w+\.)+(?=[A-Z])", "", _short_arrays(line))
 
 
 class _Page(HTMLParser):
@@ -134,17 +221,25 @@ def name_types(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
     """Write types of arrays by their names in signatures, in place of the many types that they stand for."""
-    texts = [signature, result]
+    return tuple(text and as_names(_short_arrays(text)) for text in (signature, result))
+
+
+INDICES = re.compile(
+    r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)\]\]"
+)
+"""Array of other numbers than floats."""
+
+
+def _short_arrays(text: str) -> str:
     for kind, short in ((ArrayLike, "ArrayLike"), (Array, "Array")):
-        long = stringify_annotation(kind, "smart", short_literals=False)
-        texts = [text and text.replace(long, short) for text in texts]
-    return tuple(text and as_names(text) for text in texts)
+        for mode in ("smart", "fully-qualified-except-typing"):
+            text = text.replace(stringify_annotation(kind, mode, short_literals=False), short)
+    return INDICES.sub(r"NDArray[\1]", text).replace("<built-in function iter>", "iter")
 
 
-def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
-    """Leave to the pages of the rooms what `wbc` hands on from them."""
-    here = app.env.docname == "api/wbc" and what == "module"
-    return True if here and not getattr(obj, "__module__", "").startswith("wbc.core") else None
+def skip_fields(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out the fields of named tuples, which the docstring of their class describes."""
+    return True if (inspect.getdoc(obj) or "").startswith("Alias for field number") else None
 
 
 NAME = re.compile(r"(wbc(?:\.\w+)+|[A-Z]\w*[a-z]\w*(?:\.\w+)?)(?:\(.*\))?")
@@ -197,6 +292,9 @@ def name_columns(
 
 
 TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
+DOTTED = re.compile(r'(<span class="pre">)(wbc(?:\.\w+)+)(?=</span>)')
+"""Name in a table, which a line may break behind its dots."""
+
 ROW, CELL = re.compile(r"<tr.*?</tr>", re.DOTALL), re.compile(r"<td\b")
 
 
@@ -210,7 +308,8 @@ def _named(table: re.Match[str]) -> str:
         columns = iter(heads)
         return CELL.sub(lambda _: f'<td data-head="{next(columns, "")}"', match[0])
 
-    return ROW.sub(row, table[0])
+    broken = DOTTED.sub(lambda name: f"{name[1]}{name[2].replace('.', '.<wbr>')}", table[0])
+    return ROW.sub(row, broken)
 
 
 ACCENTED = re.compile(
@@ -242,10 +341,11 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("mathml", (write_formula, None), (write_equation, None))
     app.connect("source-read", change_source)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
+    app.connect("autodoc-process-docstring", name_attributes, priority=600)
     app.connect("autodoc-process-signature", name_types)
     app.connect("doctree-read", shorten)
     app.connect("doctree-resolved", link_names)
     app.connect("html-page-context", name_columns)
-    app.connect("autodoc-skip-member", skip_described)
+    app.connect("autodoc-skip-member", skip_fields)
     app.connect("build-finished", check_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

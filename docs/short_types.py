@@ -34,6 +34,9 @@ BOUND = re.compile(rf"\b({'|'.join(RULES)})=([^,)\]]+)")
 SHORT = re.compile(r"(.*?) \((.*)\)")
 
 
+ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
+"""Array, as an annotation spells it out, with the type of its numbers."""
+
 LETTERS = {sign: chr(0xA4D0 + number) for number, sign in enumerate(" (),>≥<≤./-+·*²³[]|'=~")}
 """Sign of a short type → a letter of another script, so that a type is one name for the parser of signatures."""
 
@@ -130,6 +133,9 @@ def shorten(app: Sphinx, doctree: nodes.document) -> None:
                 text.parent.replace(text, nodes.Text(text.translate(SIGNS)))
     for node in list(doctree.findall(addnodes.desc_annotation)):
         text = node.astext()
-        if OPENING.search(text):
+        short = ARRAY.sub(
+            lambda found: "Array" if found[1] == "float64" else f"NDArray[{found[1]}]", short_types(text)
+        )
+        if short != text:
             node.clear()
-            node.append(nodes.Text(short_types(text)))
+            node.append(nodes.Text(short))
