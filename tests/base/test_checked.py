@@ -95,7 +95,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         r"rate of Spring \(Nm/s\) must be finite numbers above 0, got \[1.0, 0.0\]",
     ),
     (lambda: Spring(rate="fast"), r"rate of Spring \(Nm/s\) must be numbers, got 'fast'"),
-    (lambda: Spring(place=(1.0, "x")), r"place of Spring\[1\] must be a valid number, got 'x'"),  # type: ignore[arg-type]
+    (lambda: Spring(place=(1.0, "x")), r"place\[1\] of Spring must be a valid number, got 'x'"),  # type: ignore[arg-type]
     (lambda: Spring(other=3), r"other of Spring must be of class Spring or a valid string, got 3"),  # type: ignore[arg-type]
     (lambda: Spring(until="noon"), r"until of Spring must be callable or a valid number, got 'noon'"),  # type: ignore[arg-type]
     (lambda: Spring(ramp=-1.0), r"ramp of Spring \(s\) must be greater than or equal to 0, got -1.0"),
@@ -145,9 +145,9 @@ def test_sequences_and_mappings_are_checked_item_by_item() -> None:
         ((b"ab",), "names"),
         (({"a": 1},), "names"),
         ((3,), "names"),
-        ((["a", 3],), r"names of grip\[1\]"),
+        ((["a", 3],), r"names\[1\] of grip"),
         (((), ["a"]), "forces of grip"),
-        (((), {"a": -1.0}), r"forces of grip\['a'\]"),
+        (((), {"a": -1.0}), r"forces\['a'\] of grip"),
         (((), {3: 1.0}), "forces"),
     ):
         with pytest.raises(InputError, match=place):
@@ -176,7 +176,7 @@ def test_a_refusal_names_the_argument_and_whose_it_is() -> None:
     calls: list[tuple[Callable[[], object], str]] = [
         (lambda: Own(2.0), "length of Own must"),
         (lambda: Own().move(speed=2.0), "speed of Own.move (m/s) must"),
-        (lambda: Own.of((1.0, 2.0)), "size of Own.of[1] must"),
+        (lambda: Own.of((1.0, 2.0)), "size[1] of Own.of must"),
         (lambda: Own.of(2.0), "size of Own.of must"),
         (lambda: Own().set_mass(2.0), "set_mass of Own (kg) must"),
         (lambda: pull(2.0), "force of pull must"),

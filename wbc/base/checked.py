@@ -4,8 +4,8 @@
         @checked
         def __init__(self, *, ratio: Ratio = 1.0, rate: PositiveNumbers | None = None) -> None: ...
 
-The annotation is the check: type, range, shape, choices and unit, as in `wbc.base.settings`. It takes a microsecond for
-each argument, so what runs in every tick goes without it.
+The annotation is the check: type, range, shape, choices and unit, as in `wbc.base.settings`. It takes some microseconds
+a call, so what runs in every tick goes without it.
 """
 
 from __future__ import annotations
@@ -15,20 +15,19 @@ import functools
 import inspect
 import types
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, Unpack
 
 import numpy as np
-from pydantic import PlainValidator, Strict, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, PlainValidator, Strict, TypeAdapter, ValidationError
+from pydantic_core import CoreSchema, SchemaValidator
+from pydantic_core.core_schema import CoreConfig, typed_dict_field, typed_dict_schema
 
 from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import read_only
 from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refuse
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-NUMBERS = (float, int)
-"""Types with values that are refused, such as NaN."""
 
 SEQUENCES = (list, collections.abc.Sequence, collections.abc.Iterable)
 MAPPINGS = (dict, collections.abc.Mapping)
@@ -53,37 +52,61 @@ def checked(function: F) -> F:
     if inspect.isclass(function):
         setattr(function, "__init__", checked(function.__init__))  # noqa: B010 (no assignment to a method for mypy)
         return function
-    table: tuple[list[tuple[int, ArgumentCheck]], dict[str, ArgumentCheck], set[str] | None] | None = None
+    arguments: Arguments | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **values: Any) -> Any:
-        nonlocal table
-        if table is None:  # only now, as annotations may name classes that are defined further down
-            by_name = {
-                name: ArgumentCheck(function, name, hint) for name, hint in checkable(function).items()
-            }
-            kinds = [(each.name, each.kind) for each in inspect.signature(function).parameters.values()]
-            places = [name for name, kind in kinds if kind <= inspect.Parameter.POSITIONAL_OR_KEYWORD]
-            table = (
-                [(places.index(name), by_name[name]) for name in by_name if name in places],
-                by_name,
-                _names(function),
-            )
-        by_place, by_name, names = table
-        if names is not None and not names.issuperset(values):
-            owner, method = function.__qualname__.rpartition("<locals>.")[2], ".__init__"
-            wrong = next(name for name in values if name not in names)
-            unknown_name(f"argument of {owner.removesuffix(method)}", wrong, names - {"self", "cls"})
-        given, count = list(args), len(args)
-        for place, check in by_place:
-            if place < count and type(given[place]) not in check.taken:
-                given[place] = check(given[place], args)
-        for name, value in values.items():
-            if name in by_name and type(value) not in by_name[name].taken:
-                values[name] = by_name[name](value, args)
-        return function(*given, **values)
+        nonlocal arguments
+        if arguments is None:  # only now, as annotations may name classes that are defined further down
+            arguments = Arguments(function)
+        given, named = arguments.check(args, values)
+        return function(*given, **named)
 
     return typing.cast(F, call)
+
+
+class Arguments:
+    """Check of the arguments of a function: to Pydantic they are a dictionary with a type for each name."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        """Prepare the check of a function."""
+        kinds = inspect.signature(function).parameters.values()
+        self._places = [each.name for each in kinds if each.kind <= inspect.Parameter.POSITIONAL_OR_KEYWORD]
+        self._names, self._hints, self._function = names_of(function), hints_of(function), function
+        self._is_method = self._places[:1] in (["self"], ["cls"])
+        self._sets = self._is_method and self._places[1:] == ["value"]
+        names = dict.fromkeys((*self._places, *(self._names or ()), *self._hints))
+        fields = {name: typed_dict_field(_schema(self._hints.get(name)), required=False) for name in names}
+        config = CoreConfig(strict=True, allow_inf_nan=False)
+        schema = typed_dict_schema(fields, extra_behavior="allow", config=config)
+        self._validate = SchemaValidator(schema).validate_python
+
+    def check(self, args: tuple[Any, ...], values: dict[str, Any]) -> tuple[list[Any], dict[str, Any]]:
+        """Return arguments, those given by place and those by name, as their annotations have them."""
+        if self._names is not None and not self._names.issuperset(values):
+            wrong = next(name for name in values if name not in self._names)
+            unknown_name(f"argument of {self._owner(args)}", wrong, self._names - {"self", "cls"})
+        given = dict(zip(self._places, args, strict=False)) | values
+        try:
+            right = self._validate(given)
+        except ValidationError as error:
+            refuse(error, given, self._hints, lambda place: self._named(place, args))
+        named = {name: right.pop(name) for name in values}
+        return [*right.values(), *args[len(self._places) :]], named
+
+    def _named(self, place: str, args: tuple[Any, ...]) -> str:
+        """Return an argument, or a place in it, with its owner; that of a setter is called as the property."""
+        name = place.replace("value", self._function.__name__, 1) if self._sets else place
+        return f"{name} of {self._owner(args)}"
+
+    def _owner(self, args: tuple[Any, ...]) -> str:
+        """Return the function, or the class whose constructor or property it is; one that derives is named itself."""
+        *_, name = self._function.__qualname__.rpartition("<locals>.")
+        if not self._is_method or not args:
+            return name
+        owner = args[0] if isinstance(args[0], type) else type(args[0])
+        is_own = self._sets or self._function.__name__ == "__init__"
+        return owner.__name__ if is_own else f"{owner.__name__}.{self._function.__name__}"
 
 
 class Fixed:
@@ -152,10 +175,10 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     return hints
 
 
-def _names(function: Callable[..., Any]) -> set[str] | None:
-    """Return the names that arguments of a function can have; None if it takes any."""
+def names_of(function: Callable[..., Any]) -> set[str] | None:
+    """Return the names by which a function takes arguments; None if it takes any."""
     of_any = inspect.Parameter.VAR_KEYWORD
-    kinds = {each.name: each.kind for each in inspect.signature(function).parameters.values()}
+    kinds = {name: each.kind for name, each in inspect.signature(function).parameters.items()}
     known = {name for name, kind in kinds.items() if kind not in (of_any, inspect.Parameter.POSITIONAL_ONLY)}
     if of_any in kinds.values():
         options = hints_of(function).keys() - kinds.keys()
@@ -163,41 +186,17 @@ def _names(function: Callable[..., Any]) -> set[str] | None:
     return known
 
 
-def checkable(function: Callable[..., Any]) -> dict[str, Any]:
-    """Return the annotations of a function that `checked` checks, by the name of the argument."""
-    return {name: hint for name, hint in hints_of(function).items() if _for_pydantic(hint) is not None}
+def _schema(hint: Any) -> CoreSchema:
+    """Return Pydantic's schema of an annotation, arrays and NumPy's numbers as plain values; of any value for None."""
+    inside = _for_pydantic(hint)
+    if inside is None:
+        return TypeAdapter(Any).core_schema
+    whole: Any = inside if _has_arrays(hint) else Annotated[inside, BeforeValidator(hashable)]
+    return TypeAdapter(whole, config=CONFIG).core_schema
 
 
-class ArgumentCheck:
-    """Check of one argument against its annotation.
-
-    Attributes:
-        taken: Types of which every value is right, and passed on as it is.
-    """
-
-    def __init__(self, function: Callable[..., Any], name: str, hint: Any) -> None:
-        """Prepare the check of an argument of a function."""
-        self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
-        self.taken = frozenset(
-            part for part in members_of(hint) if isinstance(part, type) and part not in NUMBERS
-        )
-        self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
-        self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
-        self._hint, self._name, self._of = hint, name, function.__qualname__.rpartition("<locals>.")[2]
-        if self._is_method:  # of a class that derives, perhaps, from the one that has it
-            self._of = "" if function.__name__ == "__init__" else function.__name__
-        if name == "value":
-            self._name, self._of = function.__name__, ""
-
-    def __call__(self, value: Any, args: tuple[Any, ...]) -> Any:
-        """Return the value as its annotation has it; `args` begin with the object whose method is called."""
-        try:
-            return self._validate(hashable(value) if self._plain and type(value) not in NUMBERS else value)
-        except ValidationError as error:
-            owner = type(args[0]) if self._is_method and not isinstance(args[0], type) else None
-            owner = owner or (args[0] if self._is_method else None)
-            of = ".".join(filter(None, (getattr(owner, "__name__", ""), self._of)))
-            refuse(error, value, self._hint, f"{self._name} of {of}")
+def _has_arrays(hint: Any) -> bool:
+    return isinstance(hint, Numbers) or any(map(_has_arrays, typing.get_args(hint)))
 
 
 def _for_pydantic(hint: Any) -> Any:
@@ -206,10 +205,7 @@ def _for_pydantic(hint: Any) -> Any:
     if origin in (Literal, collections.abc.Callable) or hint in (float, int, bool, str, type(None)):
         return hint
     if origin is Annotated:
-        numbers = next((item for item in args[1:] if isinstance(item, Numbers)), None)
-        inside = (
-            _for_pydantic(args[0]) if numbers is None else Annotated[Any, PlainValidator(numbers.checked)]
-        )
+        inside = args[0] if _has_arrays(hint) else _for_pydantic(args[0])
         return None if inside is None else Annotated[inside, *args[1:]]
     if origin is not None:
         parts = tuple(part if part is ... else _for_pydantic(part) for part in args)
@@ -234,10 +230,3 @@ def _instance(kind: type, value: Any) -> Any:
         return value
     advice = kind.instead_of(value) if hasattr(kind, "instead_of") else ""
     raise ValueError(f"must be of class {kind.__name__}{f' ({advice})' if advice else ''}")
-
-
-def _parts(hint: Any) -> Iterator[Any]:
-    """Yield an annotation and everything inside it."""
-    yield hint
-    for part in typing.get_args(hint):
-        yield from _parts(part)

@@ -14,8 +14,9 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
+from wbc.base.checked import names_of
 from wbc.base.errors import InputError, WbcError, choose, shown, unknown_name
 from wbc.base.files import file_hash
 
@@ -189,15 +190,10 @@ def _place(value: Any) -> Any:
 
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:
     """Call a function, `what` in messages, with named parameters, after a check that they fit."""
-    known = inspect.signature(make, eval_str=True).parameters
-    names = {name for name, each in known.items() if each.kind is not each.VAR_KEYWORD}
-    for each in known.values():
-        if each.kind is each.VAR_KEYWORD:  # Unpack[Options]
-            options = get_args(each.annotation)
-            names |= {*(options[0].__annotations__ if options else parameters)}
+    known = inspect.signature(make).parameters.values()
     for name in parameters:
-        choose(f"parameter of the {what}", name, names)
-    for parameter in known.values():
+        choose(f"parameter of the {what}", name, names_of(make) or parameters)
+    for parameter in known:
         needed = parameter.default is parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
         if needed and parameter.name not in parameters:
             raise InputError(f"the {what} needs a value for '{parameter.name}'")

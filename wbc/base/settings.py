@@ -31,7 +31,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
-from pydantic_core import to_jsonable_python
+from pydantic_core import CoreSchema, to_jsonable_python
+from pydantic_core.core_schema import no_info_plain_validator_function
 
 from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, in_range, plain
@@ -108,6 +109,10 @@ class Numbers:
         except InputError as error:
             raise ValueError(str(error).strip()) from None
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Return Pydantic's schema: this check alone, whatever is annotated."""
+        return no_info_plain_validator_function(self.checked)
+
 
 PositiveNumbers = Annotated[ArrayLike, Numbers(above=0.0)]
 """Finite numbers above zero: one for all, or an array."""
@@ -174,9 +179,6 @@ def hashable(value: Any) -> Any:
     return tuple(map(hashable, value)) if isinstance(value, (list, tuple)) else value
 
 
-FIELDS = "__dataclass_fields__"
-
-
 def to_json(value: Any) -> Any:
     """Return settings, or a tuple, list or mapping of them, as plain values; bytes become base64, infinity stays."""
     return to_jsonable_python(value, fallback=_parts_of, serialize_as_any=True)
@@ -216,13 +218,14 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def refuse(error: ValidationError, value: Any, hint: Any, what: str = "") -> NoReturn:
+def refuse(error: ValidationError, value: Any, hint: Any, named: Callable[[str], str] = str) -> NoReturn:
     """Raise the error of a value that its annotation refuses: where it is wrong, unit, the rules there, what is there.
 
-    A name that does not exist comes before what it leaves missing. Of settings, `what` is empty.
+    A name that does not exist comes before what it leaves missing. The annotation is a class of settings, or those of
+    arguments by their names; `named` returns the place of an argument with what it is an argument of.
     """
     errors = error.errors(include_url=False)
-    near = (each for each in errors if what or each["loc"][:1] == errors[0]["loc"][:1])
+    near = (each for each in errors if each["loc"][:1] == errors[0]["loc"][:1])
     unknown = (each for each in errors if each["type"].startswith("unexpected"))
     first = next(unknown, None) or max(
         near, key=lambda each: len(each["loc"])
@@ -231,16 +234,21 @@ def refuse(error: ValidationError, value: Any, hint: Any, what: str = "") -> NoR
         raise cause from None
     place, unit, owner = _place_in(value, hint, first["loc"])
     if first["type"] == "unexpected_keyword_argument":
-        unknown_name(
-            f"setting of {getattr(owner, '__name__', what)}", first["loc"][-1], getattr(owner, FIELDS, ())
-        )
+        unknown_name(f"setting of {owner.__name__}", first["loc"][-1], _fields(owner))
     rules = [_rule(each) for each in errors if _place_in(value, hint, each["loc"])[0] == place]
     rule = " or ".join(dict.fromkeys([rules[0], *(each.removeprefix("must be ") for each in rules[1:])]))
-    name = f"{what}{place}".removeprefix(".") or getattr(hint, "__name__", str(hint))
+    name = named(place.removeprefix(".")) or getattr(hint, "__name__", str(hint))
     unit = f" ({unit})" if unit else ""
     told = first["type"].startswith("missing") or ", got " in rule
     given = "" if told else f", got {shown(first['input'])}"
     raise InputError(f"{name}{unit}{'' if rule.startswith('must') else ':'} {rule}{given}") from None
+
+
+def _fields(owner: Any) -> Mapping[str, Any]:
+    """Return the annotations of the fields of settings, or those of arguments; none of anything else."""
+    if isinstance(owner, dict):
+        return owner
+    return _hints(owner) if isinstance(owner, type) and dataclasses.is_dataclass(owner) else {}
 
 
 def _place_in(value: Any, hint: Any, loc: Sequence[int | str]) -> tuple[str, str, Any]:
@@ -250,11 +258,11 @@ def _place_in(value: Any, hint: Any, loc: Sequence[int | str]) -> tuple[str, str
     """
     place, unit, owner = "", unit_of(hint), hint
     for part in loc:
-        names = [*getattr(owner, FIELDS, ())]
-        if not place and names and isinstance(part, int):  # a value given without its name
-            part = names[part] if part < len(names) else part  # noqa: PLW2901
-        if part in names:
-            place, inside = f"{place}.{part}", _hints(owner)[str(part)]
+        fields = _fields(owner)
+        if not place and fields and isinstance(part, int):  # a value given without its name
+            part = [*fields][part] if part < len(fields) else part  # noqa: PLW2901
+        if part in fields:
+            place, inside = f"{place}.{part}", fields[str(part)]
             unit, owner = unit_of(inside), next(_classes_in(inside), None)
         elif isinstance(part, int) or (isinstance(value, Mapping) and part in value):
             place += f"[{part!r}]"
