@@ -26,9 +26,10 @@ from wbc.core.model import Closure, Coupling, driven_names, is_floating, joints_
 from wbc.core.robot import Robot
 from wbc.robots import frames, tidying, urdf, write_urdf
 from wbc.robots.derivation import link_shapes, posture
-from wbc.robots.derivation.complete import Notes, Read, complete, from_geometry
+from wbc.robots.derivation.complete import Notes, Read, complete
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
+from wbc.robots.derivation.soles import from_geometry
 from wbc.robots.mechanism import Mechanism, unlimited
 from wbc.robots.mesh_files import mesh_folders
 from wbc.robots.options import DescriptionOptions
@@ -208,7 +209,7 @@ class RobotDescription:
                     fixed,
                     None
                     if left_sole is None or right_sole is None
-                    else from_geometry(robot.shapes, left_sole, right_sole, sole_size, directories),
+                    else from_geometry(robot.shapes, (left_sole, right_sole), sole_size, directories),
                     named=left_sole is not None,
                     package_dirs=directories,
                     fields={"locked": locked},
@@ -264,10 +265,9 @@ class RobotDescription:
         return cls(
             **robot_mjcf.fields(
                 source,
-                left_sole=left_sole,
-                right_sole=right_sole,
+                (left_sole, right_sole),
+                sole_size,
                 name=name,
-                sole_size=sole_size,
                 feet=feet,
                 fixed=base == "fixed",
                 root=root,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,8 +13,11 @@ from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.robots.derivation.defaults import feet_hint
-from wbc.robots.derivation.posture import FULL_LEG
+from wbc.robots.derivation.legs import FULL_LEG
 from wbc.robots.tidying import TAKEN_RANGE
+
+if TYPE_CHECKING:  # which shows these facts itself
+    from wbc.robots.description import RobotDescription
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -39,24 +42,9 @@ HEADINGS = {
 """Columns of the joints in a report: key of the facts → heading."""
 
 
-def facts(robot: Any) -> dict[str, Any]:
+def facts(robot: RobotDescription) -> dict[str, Any]:
     """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
     model = robot.robot()
-    limits = model.velocity_limit, model.torque_limit
-    columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
-    joints: dict[str, dict[str, Any]] = {}
-    for i, name in enumerate(robot.joint_names):
-        joints[name] = {
-            "unit": "m" if model.slides[i] else "rad",
-            "position": [
-                float(end) if math.isfinite(end) else None
-                for end in (model.position_lower[i], model.position_upper[i])
-            ],
-            **{key: float(values[i]) for key, values in zip(HEADINGS, columns, strict=True)},
-            "damping": float(robot.damping.get(name, 0.0)),
-            "frictionloss": float(robot.frictionloss.get(name, 0.0)),
-            "gains": "given" if name in robot.gains else "derived",
-        }
     return {
         "name": robot.name,
         "mass_kg": model.mass,
@@ -78,10 +66,28 @@ def facts(robot: Any) -> dict[str, Any]:
         "imu": robot.imu.frame,
         "hands": dict(robot.hands),
         "sensors": dict(robot.sensors),
-        "joints": joints,
+        "joints": _joints(robot, model),
         "source": robot.source,
         "licence": robot.licence,
         "derived": list(robot.derived),
+    }
+
+
+def _joints(robot: RobotDescription, model: Robot) -> dict[str, dict[str, Any]]:
+    """Return joint → its unit, limits, posture, rotor, servo gains and passive forces."""
+    limits = model.velocity_limit, model.torque_limit
+    columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
+    ends = zip(model.position_lower.tolist(), model.position_upper.tolist(), strict=True)
+    return {
+        name: {
+            "unit": "m" if slides else "rad",
+            "position": [end if math.isfinite(end) else None for end in pair],
+            **dict(zip(HEADINGS, map(float, values), strict=True)),
+            "damping": float(robot.damping.get(name, 0.0)),
+            "frictionloss": float(robot.frictionloss.get(name, 0.0)),
+            "gains": "given" if name in robot.gains else "derived",
+        }
+        for name, slides, pair, *values in zip(robot.joint_names, model.slides, ends, *columns, strict=True)
     }
 
 
@@ -117,7 +123,7 @@ def report(facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def doubts(robot: Any) -> tuple[str, ...]:
+def doubts(robot: RobotDescription) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
     model = robot.robot()
     if not robot.soles:
@@ -185,7 +191,7 @@ def standing_torques(model: Robot) -> dict[str, float]:
     return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _legs(robot: Any, model: Robot) -> list[str]:
+def _legs(robot: RobotDescription, model: Robot) -> list[str]:
     left, right = robot.soles
     found = [
         f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"

@@ -202,10 +202,55 @@ def _add_fixed(model: pin.Model, name: str, parent: int, frame: int, place: pin.
 
 def read(source: str | Path) -> Urdf:
     """Return the records of a URDF, a path or the XML itself; a `ModelError` for what no robot can have."""
+    root, where = _root(source)
+    if not (count := len(root.findall("link"))):
+        raise ModelError(f"{where} has no links")
+    if count > MOST_LINKS:
+        raise ModelError(f"{where} may have {MOST_LINKS} links, got {count}")
+    links = _by_name(root, "link", where)
+    joints = {name: _joint(joint, root) for name, joint in _by_name(root, "joint", where).items()}
+    for each in joints.values():
+        for end in (each.parent, each.child):
+            if end not in links:
+                raise ModelError(f"joint '{each.name}' refers to link '{end}', which does not exist")
+    return Urdf(
+        name=str(root.get("name")) if (root.get("name") or "").strip() else "robot",
+        links={name: _inertial(link) for name, link in links.items()},
+        joints=joints,
+        shapes=shapes(root),
+        scales=[
+            (name, scale)
+            for name, link in links.items()
+            for mesh in link.iter("mesh")
+            if len((scale := mesh.get("scale", "")).split()) == 1
+        ],
+    )
+
+
+def _by_name(root: Element, kind: str, where: str) -> dict[str, Element]:
+    """Return the links or the joints of a <robot>, each of a name of its own; those of transmissions are none."""
+    found: dict[str, Element] = {}
+    for number, element in enumerate(root.findall(kind), 1):
+        name = element.get("name") or ""
+        if not name.strip():
+            which, example = f"number {number}", "head"
+            if kind == "joint":
+                parent, child = _ends(element)
+                which, example = f"from link '{parent}' to '{child}'", f"{child}_joint"
+            raise ModelError(
+                f'{where}: the <{kind}> {which} has no name: give it one, as in <{kind} name="{example}">'
+            )
+        if name in found:
+            raise ModelError(f"two {kind}s are called '{name}'")
+        found[name] = element
+    return found
+
+
+def _root(source: str | Path) -> tuple[Element, str]:
+    """Return the <robot> element of a URDF, a path or the XML itself, and what it is called in messages."""
     if not isinstance(source, (str, Path)):
         raise InputError(f"a URDF must be a path or the XML itself, as text, got {shown(source)}")
-    text = str(source)
-    where = "URDF string"
+    text, where = str(source), "URDF string"
     if is_file(source):
         path = existing(text, "URDF", "a path or the XML itself")
         where, text = shown_path(path), read_xml(path, "URDF")
@@ -220,46 +265,7 @@ def read(source: str | Path) -> Urdf:
     if root.tag != "robot":
         prefix = "; take the prefix of its namespace (xmlns:…) out" if root.tag.endswith("}robot") else ""
         raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>{prefix}")
-    # Transmissions and ros_control blocks hold <joint> elements too: only direct children are joints.
-    links, found = root.findall("link"), root.findall("joint")
-    if not links:
-        raise ModelError(f"{where} has no links")
-    if len(links) > MOST_LINKS:
-        raise ModelError(f"{where} may have {MOST_LINKS} links, got {len(links)}")
-    for number, link in enumerate(links, 1):
-        if not (link.get("name") or "").strip():
-            raise ModelError(
-                f'{where}: the <link> number {number} has no name: give it one, as in <link name="head">'
-            )
-    for joint in found:
-        if not (joint.get("name") or "").strip():
-            parent, child = _ends(joint)
-            raise ModelError(
-                f"{where}: the <joint> from link '{parent}' to '{child}' has no name: give it one, as in "
-                f'<joint name="{child}_joint">'
-            )
-    names = {kind: [str(each.get("name")) for each in root.findall(kind)] for kind in ("joint", "link")}
-    for kind, called in names.items():
-        if len(set(called)) != len(called):
-            raise ModelError(f"two {kind}s are called '{next(n for n in called if called.count(n) > 1)}'")
-    made = [_joint(joint, root) for joint in found]
-    for each in made:
-        for end in (each.parent, each.child):
-            if end not in names["link"]:
-                raise ModelError(f"joint '{each.name}' refers to link '{end}', which does not exist")
-    scales = [
-        (str(link.get("name")), scale)
-        for link in links
-        for mesh in link.iter("mesh")
-        if len((scale := mesh.get("scale", "")).split()) == 1
-    ]
-    return Urdf(
-        name=str(root.get("name")) if (root.get("name") or "").strip() else "robot",
-        links={str(link.get("name")): _inertial(link) for link in links},
-        joints={each.name: each for each in made},
-        shapes=shapes(root),
-        scales=scales,
-    )
+    return root, where
 
 
 def existing(name: str, kind: str, choices: str) -> Path:

@@ -50,36 +50,12 @@ def write(
         inertia = model.inertias[number] if merged else robot.inertias.get(link)
         if not model.inertias[number].mass and number > first:  # a joint of a link with several
             inertia = pin.Inertia(BETWEEN, np.zeros(3), 1e-3 * BETWEEN * np.eye(3))
-        own, (slides, axis) = str(model.names[number]), (False, np.zeros(3))
-        if number > first:
-            slides, axis = robot.axis(number)
-        if rotor := rotors.get(own, 0.0):
-            if slides:
-                raise InputError(
-                    f"the rotor of joint '{own}', which slides, is no disc of a link: take its armature out"
-                )
+        if rotor := rotors.get(str(model.names[number]), 0.0):
             assert inertia is not None
-            disc = rotor * 0.5 * (np.eye(3) + np.outer(axis, axis))
-            inertia = pin.Inertia(inertia.mass, inertia.lever, inertia.inertia + disc)
+            inertia = _with_rotor(robot, number, inertia, rotor)
         elements[link] = _link(root, link, inertia)
-        if number == first:
-            continue
-        place, at, speed = model.jointPlacements[number], model.idx_qs[number], model.idx_vs[number]
-        ends = np.array([model.lowerPositionLimit[at], model.upperPositionLimit[at]])
-        endless = not np.isfinite(ends).any()
-        low, high = np.clip(ends, -FARTHEST, FARTHEST).tolist()
-        kind = "prismatic" if slides else "continuous" if endless else "revolute"
-        element = _joint(root, own, kind, links[model.parents[number]], link, place)
-        ElementTree.SubElement(element, "axis", xyz=_text(axis))
-        most = {"effort": model.upperEffortLimit[speed], "velocity": model.upperVelocityLimit[speed]}
-        bounds = {} if endless else {"lower": repr(low), "upper": repr(high)}
-        ElementTree.SubElement(
-            element, "limit", {**bounds, **{key: repr(float(value)) for key, value in most.items()}}
-        )
-        if own in robot.couplings:
-            leader, ratio, offset = astuple(robot.couplings[own])
-            mimic = {"joint": leader, "multiplier": repr(float(ratio)), "offset": repr(float(offset))}
-            ElementTree.SubElement(element, "mimic", mimic)
+        if number > first:
+            _moving_joint(root, robot, number, links[model.parents[number]], link)
     for frame in [] if merged else list(model.frames):
         kinds, carrier = (pin.FrameType.BODY, pin.FrameType.OP_FRAME), links.get(frame.parentJoint, "")
         if frame.type in kinds and frame.name not in elements:
@@ -91,6 +67,38 @@ def write(
         _add_shape(elements[shape.link], shape)
     ElementTree.indent(root)  # some engines read lines of limited length
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _with_rotor(robot: Mechanism, number: int, inertia: pin.Inertia, rotor: float) -> pin.Inertia:
+    """Return the inertia of a link with a rotor, kg m², as a thin disc about the axis of its joint."""
+    slides, axis = robot.axis(number)
+    if slides:
+        name = robot.model.names[number]
+        raise InputError(
+            f"the rotor of joint '{name}', which slides, is no disc of a link: take its armature out"
+        )
+    disc = rotor * 0.5 * (np.eye(3) + np.outer(axis, axis))
+    return pin.Inertia(inertia.mass, inertia.lever, inertia.inertia + disc)
+
+
+def _moving_joint(root: Element, robot: Mechanism, number: int, parent: str, child: str) -> None:
+    """Add a hinge or a slide between two links, with its limits and its coupling to a leader."""
+    model, (slides, axis), name = robot.model, robot.axis(number), str(robot.model.names[number])
+    at, speed = model.idx_qs[number], model.idx_vs[number]
+    ends = np.array([model.lowerPositionLimit[at], model.upperPositionLimit[at]])
+    endless = not np.isfinite(ends).any()
+    low, high = np.clip(ends, -FARTHEST, FARTHEST).tolist()
+    kind = "prismatic" if slides else "continuous" if endless else "revolute"
+    element = _joint(root, name, kind, parent, child, model.jointPlacements[number])
+    ElementTree.SubElement(element, "axis", xyz=_text(axis))
+    most = {"effort": model.upperEffortLimit[speed], "velocity": model.upperVelocityLimit[speed]}
+    bounds = {} if endless else {"lower": low, "upper": high}
+    limits = {key: repr(float(value)) for key, value in (bounds | most).items()}
+    ElementTree.SubElement(element, "limit", limits)
+    if name in robot.couplings:
+        leader, ratio, offset = astuple(robot.couplings[name])
+        mimic = {"joint": leader, "multiplier": repr(float(ratio)), "offset": repr(float(offset))}
+        ElementTree.SubElement(element, "mimic", mimic)
 
 
 def _add_shape(link: Element, shape: Geometry) -> None:

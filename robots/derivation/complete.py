@@ -11,17 +11,15 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, finite_scalar
-from wbc.core.frames import FrameDescription
 from wbc.core.model import Closure, joints_to
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames
-from wbc.robots.derivation import defaults, posture
+from wbc.robots.derivation import chains, defaults, posture
+from wbc.robots.derivation.legs import knee_direction
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
-from wbc.robots.mechanism import Geometry, Mechanism, unlimited
+from wbc.robots.derivation.soles import SoleFinder, Soles, check_sides, refuse_at_ankle
+from wbc.robots.mechanism import Mechanism, unlimited
 from wbc.robots.options import DescriptionOptions
-
-SoleFinder = Callable[[pin.Model, float], tuple[defaults.Soles, list[str]]]
-"""Function of a robot's model and the turn of its root so far, rad, that returns the soles and notes on them."""
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
@@ -75,34 +73,13 @@ class Read:
     fields: Mapping[str, Any] = field(default_factory=dict)
 
 
-def from_geometry(
-    shapes: Sequence[Geometry],
-    left: str | FrameDescription,
-    right: str | FrameDescription,
-    size: tuple[float, float] | None,
-    package_dirs: tuple[str, ...],
-) -> SoleFinder:
-    """Return the finder of given soles from the shapes of a robot; see `complete_sole`."""
-
-    def find(model: pin.Model, _: float) -> tuple[defaults.Soles, list[str]]:
-        notes: list[str] = []
-        one, other = (
-            defaults.complete_sole(shapes, model, name, given, size, package_dirs, notes)
-            for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
-        )
-        return (one, other), notes
-
-    return find
-
-
 def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any]:
     """Return the fields of the `RobotDescription` of what was read."""
-    if read.named and read.fixed:
+    if read.named and (read.fixed or read.find_soles is None):
         raise InputError(
-            "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
+            "a robot with feet is not bolted to the world: base='fixed' is for one without soles, as feet=False is; "
+            "give no left_sole and right_sole"
         )
-    if read.named and read.find_soles is None:
-        raise InputError("feet=False describes a robot without soles: give no left_sole and right_sole")
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
     notes, height = read.notes, options.get("height")
@@ -134,7 +111,7 @@ def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any
     }
 
 
-def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.Model, defaults.Soles]:
+def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.Model, Soles]:
     """Return the mechanism, its root turned to where the feet point, its model with the soles, and these."""
     limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
     robot, notes = read.mechanism(0.0).with_limits(*limits), read.notes
@@ -157,25 +134,25 @@ def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.M
         )
         soles, remarks = _add_soles(model, read.find_soles, turn)
     notes += remarks
-    defaults.check_sides(model, soles)
+    check_sides(model, soles)
     for sole in soles:
-        defaults.refuse_at_ankle(model, sole)
+        refuse_at_ankle(model, sole)
     return robot, model, soles
 
 
 def _half_sitting(
-    read: Read, options: DescriptionOptions, model: pin.Model, soles: defaults.Soles
+    read: Read, options: DescriptionOptions, model: pin.Model, soles: Soles
 ) -> tuple[dict[str, float], tuple[Closure, ...]]:
     """Return joint → position in half-sitting, rad or m, in which closed chains are closed, and their closures."""
     given = options.get("half_sitting") or {}
     joints = posture.half_sitting(model, soles, given, read.notes, read.postures)
     closures = (*read.loops, *(options.get("closures") or ()))
     if closures:
-        joints = posture.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
+        joints = chains.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
     return joints, closures
 
 
-def _size(model: pin.Model, soles: defaults.Soles, joints: Mapping[str, float]) -> tuple[float, float]:
+def _size(model: pin.Model, soles: Soles, joints: Mapping[str, float]) -> tuple[float, float]:
     """Return mass, kg, and height of the centre of mass over the soles, m; zero without soles."""
     q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
     height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
@@ -183,7 +160,7 @@ def _size(model: pin.Model, soles: defaults.Soles, joints: Mapping[str, float]) 
 
 
 def _driven(
-    robot: Mechanism, model: pin.Model, soles: defaults.Soles, weight_moment: float, notes: Notes
+    robot: Mechanism, model: pin.Model, soles: Soles, weight_moment: float, notes: Notes
 ) -> Mechanism:
     """Return a mechanism with torque limits for all joints; `weight_moment` is m g h, Nm."""
     if not (missing := unlimited(model)):
@@ -200,7 +177,7 @@ def _driven(
     return robot.with_limits(torque=torques)
 
 
-def _torso(given: str | None, model: pin.Model, soles: defaults.Soles, notes: Notes) -> str:
+def _torso(given: str | None, model: pin.Model, soles: Soles, notes: Notes) -> str:
     """Return the link of the chest: the given one, or that which most of the mass hangs on."""
     if given is None:
         given = defaults.find_torso(model, soles)
@@ -209,7 +186,7 @@ def _torso(given: str | None, model: pin.Model, soles: defaults.Soles, notes: No
     return given
 
 
-def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[defaults.Soles, list[str]]:
+def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[Soles, list[str]]:
     """Find the soles, give each a name of its own and add their frames to the model; return notes as well."""
     (left, right), notes = find(model, turn)
     if left.frame == right.frame and left.link != right.link:
@@ -225,7 +202,7 @@ def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[default
     return named, notes
 
 
-def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
+def heading(model: pin.Model, soles: Soles, feet_found: bool) -> float:
     """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
 
     Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
@@ -246,7 +223,7 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     turns = round(angle / (0.5 * np.pi))
     pointing = float(toes @ ahead)
     if turns and abs(pointing) < AHEAD:
-        pointing = float(sum(posture.knee_direction(model, sole.frame) for sole in soles) @ ahead)
+        pointing = float(sum(knee_direction(model, sole.frame) for sole in soles) @ ahead)
     if feet_found and turns == 0 and pointing < -AHEAD:
         return np.pi
     if turns == 0 or pointing < AHEAD:

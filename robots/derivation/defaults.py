@@ -1,10 +1,6 @@
 """Defaults of a robot description, derived from its model, its shapes and sole frames.
 
-Sole rectangle   from the collision (else visual) geometry of the foot, within 5 mm of its lowest point; without
-                 geometry 0.287 × 0.104 of the hip height (foot length and breadth 0.152 and 0.055 of stature, hip
-                 0.530 of it: D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, fig. 4.1)
-Sole placement   of a frame of the URDF: at the centre of the rectangle, with the axes of the base at the zero
-                 configuration; a new frame if the given one lies elsewhere
+Soles            `wbc.robots.derivation.soles`: from the geometry of the feet
 Half-sitting     knees bent by 40°, soles flat and level, centre of mass above the middle of the soles; other joints
                  at zero, or a twentieth of the range inside the limit nearest to it
 Torque limit     where the URDF has none: leg 0.25 m g h; others three times what holds the limb stretched out
@@ -17,27 +13,18 @@ IMU              a frame of the URDF called so, on root, torso or head, not on a
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.errors import choose
 from wbc.base.numbers import finite_scalar
-from wbc.core.frames import FrameDescription, Sole
+from wbc.core.frames import FrameDescription
 from wbc.core.model import is_floating, joints_to
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames
-from wbc.robots.derivation.soles import no_sole, plausible, sole_rectangle
-from wbc.robots.frames import SoleName
-from wbc.robots.mechanism import Geometry
-
-Soles: TypeAlias = tuple[Sole, ...]
-"""Left and right sole; none of a robot without feet."""
-
-SOLE_RATIO = (0.152 / 0.530, 0.055 / 0.530)
-"""Length and width of a sole over the height of the hip above it (Winter 2009, fig. 4.1)."""
+from wbc.robots.derivation.soles import Soles
 
 TORQUE_RATIO = 0.25
 """Torque limit of a leg joint over m g h; Talos' published ones are 0.13 to 0.39."""
@@ -56,117 +43,6 @@ IMU = re.compile(r"(^|[^a-z])imu")
 
 ASIDE = 0.01
 """Distance of a joint from the middle plane from which on it is in an arm or a leg, m."""
-
-LOWEST_ANKLE = 2e-3
-"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m: an error of rounding,
-far below the ankle of any robot."""
-
-ALIGNED = np.cos(np.radians(1.0))
-"""Cosine of the tilt up to which a frame counts as aligned with the base."""
-
-
-def complete_sole(
-    shapes: Sequence[Geometry],
-    model: pin.Model,
-    name: SoleName,
-    given: str | FrameDescription,
-    size: tuple[float, float] | None,
-    package_dirs: tuple[str, ...],
-    notes: list[str],
-) -> Sole:
-    """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
-
-    What is given is a frame of the URDF, a placement in a link, or the whole description; `size` is length and width,
-    m, from the geometry of the foot when None.
-    """
-    if isinstance(given, Sole):
-        if given.name != name:
-            raise InputError(f"the sole given for '{name}' is called '{given.name}'")
-        frames.body_frame(model, given.link)
-        return given
-    if isinstance(given, FrameDescription):
-        frames.body_frame(model, given.link)
-        link, placement, frame = given.link, given.placement, given.frame
-        if model.existFrame(frame):
-            frame = f"{name}_sole"
-    else:
-        link, placement = frames.carrier(model, given)
-        frame = given
-
-    # The rectangle is looked for in a frame with the axes of the base: x forward, z away from the ground.
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    body = frames.body_frame(model, link)
-    in_base = data.oMi[body.parentJoint] * body.placement * placement
-    turned = False
-    if isinstance(given, str) and not (np.diag(in_base.rotation) > ALIGNED).all():
-        placement = placement * pin.SE3(in_base.rotation.T, np.zeros(3))
-        turned = True
-        notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
-    there = pin.Frame(frame, body.parentJoint, 0, body.placement * placement, pin.FrameType.OP_FRAME)
-    rectangle = sole_rectangle(shapes, model, there, package_dirs)
-    centre, leg, odd = np.zeros(3), float(np.linalg.norm(in_base.translation)), ""
-    if rectangle is not None and not plausible(*rectangle[1:], leg):
-        odd = no_sole(*rectangle[1:])
-        notes.append(f"{name}: {odd}")
-        rectangle = None
-    if size is not None:
-        length, width = size
-        if rectangle is not None and isinstance(given, str):
-            centre = rectangle[0]
-    elif rectangle is not None:
-        centre, length, width = rectangle
-        notes.append(f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from the geometry of the foot")
-    else:
-        hip = data.oMi[model.supports[body.parentJoint][2]].translation[2] if body.parentJoint > 1 else 0.0
-        hip_height = max(0.1, float(hip - in_base.translation[2]))
-        length, width = (ratio * hip_height for ratio in SOLE_RATIO)
-        notes.append(
-            f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from the hip height {hip_height:.3f} m "
-            "(no usable geometry on the foot)"
-        )
-    if isinstance(given, str) and (turned or np.linalg.norm(centre) >= 1e-3):
-        frame = f"{name}_sole"
-        placement = placement * pin.SE3(np.eye(3), centre)
-        x, y, z = np.round(centre * 1e3) + 0.0
-        notes.append(f"{name}: sole frame '{frame}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
-    place = frames.frame_at(frame, link, placement)
-    sole = Sole(place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width)
-    refuse_at_ankle(model, sole, odd)
-    return sole
-
-
-def refuse_at_ankle(model: pin.Model, sole: Sole, why: str = "") -> None:
-    """Refuse a sole at the last joint of its leg, where nobody placed it; `why` is known of its geometry."""
-    place = frames.body_frame(model, sole.link).placement * sole.placement
-    ankle = abs(float(place.inverse().translation[2]))
-    if ankle < LOWEST_ANKLE:
-        why = why or f"link '{sole.link}' has no geometry that says where the ground is"
-        raise ModelError(
-            f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
-            f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are"
-        )
-
-
-def check_sides(model: pin.Model, soles: Soles) -> None:
-    """Refuse soles that are not at the end of a leg of their own, left of the other one and below the robot."""
-    legs = [set(joints_to(model, sole.frame)) for sole in soles]
-    for sole, leg in zip(soles, legs, strict=True):
-        if not leg:
-            raise ModelError(f"sole '{sole.frame}' is fixed to the root: a leg needs joints")
-    if soles[0].frame == soles[1].frame or max(legs[0]) in legs[1] or max(legs[1]) in legs[0]:
-        raise ModelError(f"soles '{soles[0].frame}' and '{soles[1].frame}' are on the same leg")
-    data = model.createData()
-    com = pin.centerOfMass(model, data, pin.neutral(model))
-    pin.updateFramePlacements(model, data)
-    left, right = (data.oMf[model.getFrameId(sole.frame)].translation for sole in soles)
-    if left[1] <= right[1]:
-        raise ModelError(
-            f"left sole '{soles[0].frame}' lies to the right of '{soles[1].frame}' (y {left[1]:.3f} and "
-            f"{right[1]:.3f} m in the root frame): swapped soles, or a root whose x axis does not point forward"
-        )
-    if com[2] <= max(left[2], right[2]):
-        raise ModelError("the soles are above the centre of mass: the z axis of the root must point up")
 
 
 def feet_hint(model: pin.Model) -> str:

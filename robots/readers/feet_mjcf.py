@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from wbc.base.errors import ModelError, shown, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.frames import FrameDescription, Sole, yaw_rotation
-from wbc.robots.derivation.soles import SLICE, footprint, no_sole, plausible, points_of
+from wbc.robots.derivation.soles import SLICE, footprint, no_sole, plausible, points_of, sole_at
 from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.shapes_mjcf import kind_of, vertices_of
 from wbc.robots.readers.tree_mjcf import FREE, Tree
@@ -161,9 +161,7 @@ class _Finder:
         if foot.origin is not None:
             centre = body.act(foot.origin)
         place = frame_at(f"{name}_sole", link, body.inverse() * pin.SE3(axes, centre))
-        return Sole(
-            place.frame, place.link, place.translation, place.rpy, name=name, length=sides[0], width=sides[1]
-        )
+        return sole_at(place, name, sides)
 
     def _sides(self, name: str, foot: FootGeoms, length: float, width: float) -> tuple[float, float]:
         """Return length and width of a sole, m, if they are those of one."""

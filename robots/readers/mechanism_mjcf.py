@@ -6,7 +6,7 @@ position zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -77,18 +77,18 @@ def mechanism(
             inertia = pin.Inertia(mass, np.zeros(3), np.diag(compiled.body_inertia[body]))
             inertias[link] = placement_of(compiled.body_ipos[body], compiled.body_iquat[body]).act(inertia)
             model.appendBodyToJoint(parent, inertias[link], place)
-    ends = [
-        (name, body, place) for name, site in tree.sites().items() for body, place in [tree.site_place(site)]
-    ]
-    ends += [
-        (name, body, place)
-        for chain in chains
-        for name, body, place in zip(_ends(chain), chain.ends, chain.places, strict=True)
-    ]
-    for name, body, inside in ends:
+    for name, body, inside in _frames(tree, chains):
         parent, place, frame = at[body]
         model.addFrame(pin.Frame(name, parent, frame, place * inside, pin.FrameType.OP_FRAME), False)
     return Mechanism(model, inertias, dict(tree.coupled), shapes)
+
+
+def _frames(tree: Tree, chains: Sequence[Chain]) -> Iterator[tuple[str, int, pin.SE3]]:
+    """Yield the sites of a robot and the ends of its closed chains: name, body, and place in the body."""
+    for name, site in tree.sites().items():
+        yield name, *tree.site_place(site)
+    for chain in chains:
+        yield from zip(_ends(chain), chain.ends, chain.places, strict=True)
 
 
 def closures(tree: Tree, chains: Sequence[Chain]) -> tuple[Closure, ...]:

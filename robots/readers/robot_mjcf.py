@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
-from wbc.robots.derivation.complete import Read, complete
+from wbc.robots.derivation.complete import Notes, Read, complete
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
@@ -25,11 +25,10 @@ NO_DRIVE = 1.0
 
 def fields(
     source: Any,
-    *,
-    left_sole: str | FrameDescription | None,
-    right_sole: str | FrameDescription | None,
-    name: str | None,
+    soles: tuple[str | FrameDescription | None, str | FrameDescription | None],
     sole_size: tuple[float, float] | None,
+    *,
+    name: str | None,
     feet: bool,
     fixed: bool,
     root: str | None,
@@ -41,42 +40,23 @@ def fields(
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
     model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
-    soles = left_sole, right_sole
     tree, chains, idle = _tree_of(model, root, options.pop("lock", None) or {}, fixed)
     drives = drives_mjcf.read_drives(tree)
+    shapes, closures = shapes_mjcf.shapes(tree, moved), mechanism_mjcf.closures(tree, chains)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
     torque |= dict.fromkeys(idle, NO_DRIVE)
-    closures = mechanism_mjcf.closures(tree, chains)
-    given_limits = options.get("torque_limits") or {}
+    given = options.get("torque_limits") or {}
     one_sided = {
         joint: (low, high)
         for joint, (low, high) in drives.torque.items()
-        if not math.isclose(-low, high) and joint not in given_limits
+        if not math.isclose(-low, high) and joint not in given
     }
-    shapes = shapes_mjcf.shapes(tree, moved)
-    speeds = tree.speeds()
-    if without := [name for name in tree.joints if name not in speeds]:
-        whose = "" if len(without) == len(tree.joints) else f" of {listed(without)}"
-        tree.notes.append(
-            f"velocity limits{whose}: an MJCF has none; {tree_mjcf.SPEED:g} rad/s "
-            f"(slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
-        )
-    if use_gains:
-        options["gains"] = {**drives.gains, **(options.get("gains") or {})}
-    armature = options.get("armature")
-    if armature is None or isinstance(armature, Mapping):
-        options["armature"] = {**drives.armature, **(armature or {})}
-    found_imu, sensors = drives_mjcf.sensors(tree)
-    if options.get("imu") is None and found_imu is not None:
-        options["imu"] = found_imu
-        tree.notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
-    where = "MjSpec"
-    if isinstance(source, (str, Path)):
-        where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
+    tree.note_speeds()
+    imu, sensors = drives_mjcf.sensors(tree)
     read = Read(
         lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
         name or _model_name(model) or tree.body_name(tree.root),
-        provenance or where,
+        provenance or _origin(source),
         tree.notes,
         fixed,
         partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
@@ -93,7 +73,32 @@ def fields(
             "locked": {tree.joint_name(joint): value for joint, value in tree.locked.items()},
         },
     )
+    _take(options, drives, imu, use_gains, tree.notes)
     return complete(read, **options)
+
+
+def _take(
+    options: DescriptionOptions,
+    drives: drives_mjcf.JointData,
+    imu: FrameDescription | None,
+    use_gains: bool,
+    notes: Notes,
+) -> None:
+    """Put gains, rotor inertias and the IMU of the file where the options do not give them."""
+    if use_gains:
+        options["gains"] = {**drives.gains, **(options.get("gains") or {})}
+    armature = options.get("armature")
+    if armature is None or isinstance(armature, Mapping):
+        options["armature"] = {**drives.armature, **(armature or {})}
+    if options.get("imu") is None and imu is not None:
+        options["imu"] = imu
+        notes.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
+
+
+def _origin(source: Any) -> str:
+    if not isinstance(source, (str, Path)):
+        return "MjSpec"
+    return "MJCF string" if str(source).lstrip().startswith("<") else str(source)
 
 
 def _tree_of(

@@ -15,6 +15,7 @@ from wbc.robots.derivation.complete import Notes
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
+from wbc.robots.report import listed
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
@@ -90,6 +91,15 @@ class Tree:
         given = {name: VELOCITY_LIMIT.format(name) for name in self.joints}
         known = {self.model.numeric(i).name: i for i in range(self.model.nnumeric)}
         return {n: float(self.model.numeric(known[g]).data[0]) for n, g in given.items() if g in known}
+
+    def note_speeds(self) -> None:
+        """Note the joints whose velocity limit is the default, because the file gives none."""
+        given = self.speeds()
+        if without := [name for name in self.joints if name not in given]:
+            whose = "" if len(without) == len(self.joints) else f" of {listed(without)}"
+            self.notes.append(
+                f"velocity limits{whose}: an MJCF has none; {SPEED:g} rad/s (slides {SLIDE_SPEED:g} m/s)"
+            )
 
     def reference(self, joint: int) -> float:
         """Return the position of a joint in which the file shows the robot, rad or m."""

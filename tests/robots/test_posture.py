@@ -17,6 +17,7 @@ from wbc.core.model import Closure
 from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.complete import heading
+from wbc.robots.derivation.legs import knee_bend, knee_direction, what_is_wrong
 from wbc.robots.write_urdf import write
 
 HIP = 'xyz="0 {} 0"/><axis xyz="0 0 1"/>'
@@ -196,7 +197,7 @@ def test_the_bend_of_a_knee_is_the_angle_between_thigh_and_shin(given: float) ->
     for side in "lr":
         q[7 + robot.joint_index(f"{side}_knee")] = given
     for sole in description.soles:
-        assert posture._bend(model, sole.frame, q) == pytest.approx(abs(given), abs=1e-7)
+        assert knee_bend(model, sole.frame, q) == pytest.approx(abs(given), abs=1e-7)
 
 
 @pytest.mark.parametrize(("bend", "taken"), [(24.0, False), (26.0, True), (69.0, True), (71.0, False)])
@@ -222,7 +223,7 @@ def test_where_toes_say_nothing_a_robot_looks_to_where_its_knees_go(knee: str, z
     description = RobotDescription.from_urdf(xml, **FEET)
     model, soles = description.pinocchio_model(), description.soles
     for sole in soles:
-        assert posture.knee_direction(model, sole.frame) == pytest.approx([SHIN + ANKLE, 0.0, 0.0], abs=1e-9)
+        assert knee_direction(model, sole.frame) == pytest.approx([SHIN + ANKLE, 0.0, 0.0], abs=1e-9)
     assert heading(model, soles, False) == 0.0
     for turn in (math.pi, 0.5 * math.pi, -0.5 * math.pi):
         turned = write(urdf.read(xml).mechanism(False, turn), "turned", {}, shapes=True)
@@ -256,9 +257,9 @@ def test_what_is_wrong_with_a_posture_is_told_by_its_largest_parts() -> None:
     for said, (first, values) in parts.items():
         error = np.zeros(11)
         error[first : first + len(values)] = values
-        assert posture._left(error, (one, other)) == said
+        assert what_is_wrong(error, (one, other)) == said
     error = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2, 3e-3, 4e-3, 0.0, 0.3, 0.4])
-    assert posture._left(error, (one, other)) == (
+    assert what_is_wrong(error, (one, other)) == (
         "the soles are 5e+02 mm from level and side by side and sole 'right_sole' is turned by 11°"
     )
 

@@ -1,0 +1,186 @@
+"""Joints of the legs in half-sitting, found by least squares, and the knees of the legs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from wbc.base.errors import ModelError
+from wbc.base.numbers import Array
+from wbc.core.frames import Sole
+from wbc.core.model import driven_joints, joints_to
+
+KNEE_BEND = math.radians(40.0)
+"""Knee bend of a derived half-sitting, rad; others: Talos 49°, HRP-2 40°."""
+
+FULL_LEG = 6
+"""Joints of a leg that can put its sole anywhere, in any direction."""
+
+SOLVED = 1e-6
+"""Greatest error of half-sitting that was solved for, m and rad."""
+
+NEXT = 0.02
+"""Least distance between the sides of the soles in half-sitting, m."""
+
+SPREAD = math.radians(30.0)
+"""Distance of a second start of the search from the first, towards the middle of the joints' ranges, rad."""
+
+PITCHES = 0.7
+"""Least part of a knee's axis along y of the root."""
+
+
+def joint_limits(model: pin.Model) -> tuple[Array, Array]:
+    """Return lower and upper limits of the joints with a coordinate, rad or m, each of shape (na,)."""
+    na = len(driven_joints(model))
+    return np.array(model.lowerPositionLimit[-na:]), np.array(model.upperPositionLimit[-na:])
+
+
+def place_of(model: pin.Model, joint: int) -> int:
+    """Return the place of a joint, by its number in the model, or that of its leader, among those with a coordinate."""
+    return int(model.joints[joint].idx_v - model.nv + len(driven_joints(model)))
+
+
+class LegSearch:
+    """Search of a posture with flat soles side by side, bent knees, and the centre of mass over their middle.
+
+    The residual vanishes for legs of six joints. Legs without an ankle roll cannot shift the centre of mass sideways on
+    flat soles: it stays where it is.
+    """
+
+    def __init__(self, model: pin.Model, soles: tuple[Sole, ...], start: Array, free: list[int]) -> None:
+        """Search from a configuration, shape (nq,), by some joints, by their places among those with a coordinate."""
+        legs = [joints_to(model, sole.frame) for sole in soles]
+        self._model, self._data, self._soles, self._q = model, model.createData(), soles, np.array(start)
+        self._frames = [model.getFrameId(sole.frame) for sole in soles]
+        lower, upper = joint_limits(model)
+        self._free, self._bounds = 7 + np.array(free), (lower[free], upper[free])
+        knees = [_knee(model, self._data, leg, at) for leg, at in zip(legs, self._frames, strict=True)]
+        self._knees = [(7 + place_of(model, joint), sign) for joint, sign in knees]
+        self._sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
+        self._hips = [leg[0] for leg in legs]
+
+    def solve(self) -> Array:
+        """Return the positions of all joints with a coordinate, rad or m, or raise a `ModelError`.
+
+        The feet are as far apart as at the start. Where no such posture is found, the search goes on with feet under
+        the hips, and as near as they may be, and from other positions of the legs: at zero they may be spread.
+        """
+        low, high = self._bounds
+        first = self._q[self._free]
+        with np.errstate(invalid="ignore"):  # of joints that turn without end
+            middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
+        least, best = math.inf, np.zeros(0)
+        exact = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
+        for width, x0 in itertools.product(self._widths(), (first, middle)):
+            solution = least_squares(self._residual, x0, bounds=(low, high), args=(width,), **exact)
+            error = self._residual(solution.x, width)[:11]  # without the bend of the knees
+            if (largest := float(np.abs(error).max())) <= SOLVED:
+                return np.array(self._q[7:])
+            if largest < least:
+                least, best = largest, error
+        turn = float((high - low).max())
+        raise ModelError(
+            f"no half-sitting within the joint limits was found: {what_is_wrong(best, self._soles)}; pass half_sitting "
+            f"with the leg joints, or correct their limits: they turn by {turn:.3g} rad at most, and an MJCF in "
+            'radians must say <compiler angle="radian"/>'
+        )
+
+    def _widths(self) -> list[float]:
+        """Return distances between the soles to try, m."""
+        pin.framesForwardKinematics(self._model, self._data, self._q)
+        (left, right), (hip, other) = (
+            [at[number].translation[1] for number in numbers]
+            for at, numbers in ((self._data.oMf, self._frames), (self._data.oMi, self._hips))
+        )
+        narrowest = NEXT + max(sole.width for sole in self._soles)
+        return list(dict.fromkeys(max(narrowest, float(each)) for each in (left - right, hip - other, 0.0)))
+
+    def _residual(self, x: Array, width: float) -> Array:
+        """Return turns of the soles, the place of the centre of mass, that of the soles, and the bend of the knees."""
+        q, data = self._q, self._data
+        q[self._free] = x
+        com = pin.centerOfMass(self._model, data, q)
+        pin.updateFramePlacements(self._model, data)
+        left, right = (data.oMf[frame] for frame in self._frames)
+        middle = 0.5 * (left.translation + right.translation)
+        return np.concatenate(
+            [
+                pin.log3(left.rotation),
+                pin.log3(right.rotation),
+                (com[:2] - middle[:2]) * [1.0, self._sideways],
+                left.translation - right.translation - [0.0, width, 0.0],
+                [0.5 * sum(sign * q[i] for i, sign in self._knees) - KNEE_BEND],
+            ]
+        )
+
+
+def what_is_wrong(error: Array, soles: tuple[Sole, ...]) -> str:
+    """Return what is wrong with the best posture that a search has found, the two largest parts."""
+    tilts = [float(np.linalg.norm(error[i : i + 3])) for i in (0, 3)]
+    away, apart = float(np.linalg.norm(error[6:8])), float(np.linalg.norm(error[8:11]))
+    parts = [
+        *(
+            (tilt, f"sole '{sole.frame}' is turned by {math.degrees(tilt):.2g}°")
+            for tilt, sole in zip(tilts, soles, strict=True)
+        ),
+        (away, f"the centre of mass is {1e3 * away:.2g} mm beside the middle of the soles"),
+        (apart, f"the soles are {1e3 * apart:.2g} mm from level and side by side"),
+    ]
+    return " and ".join(text for size, text in sorted(parts, reverse=True)[:2] if size > SOLVED)
+
+
+def knee_direction(model: pin.Model, sole: str) -> Array:
+    """Return where the knee of the leg of a sole goes when it bends, in root axes, shape (3,), m/rad."""
+    data, leg = model.createData(), joints_to(model, sole)
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    foot = data.oMf[model.getFrameId(sole)].translation
+    middle = _farthest(data, leg, leg[0], foot)
+    knee = model.joints[middle]
+    bent = math.copysign(1.0, model.upperPositionLimit[knee.idx_q] + model.lowerPositionLimit[knee.idx_q])
+    return np.asarray(np.cross(foot - data.oMi[middle].translation, bent * data.J[3:, knee.idx_v]))
+
+
+def knee_bend(model: pin.Model, sole: str, q: Array) -> float:
+    """Return the angle between the lines from hip to knee and from knee to ankle, rad."""
+    data, leg = model.createData(), joints_to(model, sole)
+    knee, _ = _knee(model, data, leg, model.getFrameId(sole))
+    pin.forwardKinematics(model, data, q)
+    hip = max((joint for joint in leg if joint < knee), default=knee)
+    thigh = data.oMi[knee].translation - data.oMi[hip].translation
+    shin = data.oMi[leg[-1]].translation - data.oMi[knee].translation
+    lengths = float(np.linalg.norm(thigh) * np.linalg.norm(shin))
+    return math.acos(min(1.0, float(thigh @ shin) / lengths)) if lengths > 0.0 else 0.0
+
+
+def _knee(model: pin.Model, data: pin.Data, leg: list[int], frame: int) -> tuple[int, float]:
+    """Return the pitch joint farthest from both ends of the leg, and the sign that bends it forward."""
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+
+    def pitch(joint: int) -> float:
+        return float(data.J[4, model.joints[joint].idx_v])
+
+    pitching = [joint for joint in leg if abs(pitch(joint)) > PITCHES]
+    if not pitching:
+        raise ModelError("no knee: a leg has no joint that turns about y; pass half_sitting")
+    knee = _farthest(data, pitching, leg[0], data.oMf[frame].translation)
+    # A turn about +y moves the shin backwards, that is the knee forward.
+    forward = math.copysign(1.0, pitch(knee))
+    i = model.joints[knee].idx_q
+    room = model.upperPositionLimit[i] if forward > 0.0 else -model.lowerPositionLimit[i]
+    return knee, forward if room >= KNEE_BEND else -forward
+
+
+def _farthest(data: pin.Data, joints: list[int], hip: int, foot: Array) -> int:
+    """Return the joint that is farthest from both ends of its leg."""
+
+    def reach(joint: int) -> float:
+        origin = data.oMi[joint].translation
+        return float(min(np.linalg.norm(origin - data.oMi[hip].translation), np.linalg.norm(origin - foot)))
+
+    return max(joints, key=reach)
