@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +15,6 @@ from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.legs import FULL_LEG
 from wbc.robots.tidying import TAKEN_RANGE
-
-if TYPE_CHECKING:  # which shows these facts itself
-    from wbc.robots.description import RobotDescription
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -42,8 +39,8 @@ HEADINGS = {
 """Columns of the joints in a report: key of the facts → heading."""
 
 
-def facts(robot: RobotDescription) -> dict[str, Any]:
-    """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
+def facts(robot: Any) -> dict[str, Any]:
+    """Return mass, size, soles, joints and sources of a `RobotDescription`, which imports this, ready for JSON."""
     model = robot.robot()
     return {
         "name": robot.name,
@@ -73,7 +70,7 @@ def facts(robot: RobotDescription) -> dict[str, Any]:
     }
 
 
-def _joints(robot: RobotDescription, model: Robot) -> dict[str, dict[str, Any]]:
+def _joints(robot: Any, model: Robot) -> dict[str, dict[str, Any]]:
     """Return joint → its unit, limits, posture, rotor, servo gains and passive forces."""
     limits = model.velocity_limit, model.torque_limit
     columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
@@ -123,7 +120,7 @@ def report(facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def doubts(robot: RobotDescription) -> tuple[str, ...]:
+def doubts(robot: Any) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
     model = robot.robot()
     if not robot.soles:
@@ -191,7 +188,7 @@ def standing_torques(model: Robot) -> dict[str, float]:
     return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _legs(robot: RobotDescription, model: Robot) -> list[str]:
+def _legs(robot: Any, model: Robot) -> list[str]:
     left, right = robot.soles
     found = [
         f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
