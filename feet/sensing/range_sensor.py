@@ -44,10 +44,7 @@ class RangeSensor:
 
 
 class RangeSampler:
-    """Readings of one range sensor over time.
-
-    The last `reading`, m, is NaN when lost or out of range; `fresh` says whether the last call took a new one.
-    """
+    """Readings of one range sensor over time."""
 
     @checked
     def __init__(self, sensor: RangeSensor, seed: Seed = 0) -> None:
@@ -59,22 +56,18 @@ class RangeSampler:
         """Forget all readings and restart the noise."""
         self._random = np.random.default_rng(self._seed)
         self._due = -math.inf
-        self.reading = math.nan
-        self.fresh = False
 
     def due(self, time: float) -> bool:
         """Return True if `sample` takes a new reading at this time (s) and needs the true distance."""
         return time >= self._due - ROUNDING
 
     def sample(self, time: float, distance: float) -> float:
-        """Return the reading at a time, s, that does not decrease, m; NaN if it was lost or out of range.
+        """Return the reading at a time, s, that does not decrease, m; NaN if it is lost, out of range, or not due.
 
-        The true distance along the ray, m, is infinite or NaN where the ray hits nothing. Between two readings the last
-        one is held.
+        The true distance along the ray, m, is infinite or NaN where the ray hits nothing.
         """
-        self.fresh = self.due(time)
-        if not self.fresh:
-            return self.reading
+        if not self.due(time):
+            return math.nan
         s = self.sensor
         if s.rate > 0.0:
             first = math.isinf(self._due)
@@ -82,10 +75,9 @@ class RangeSampler:
             self._due = (time if first else self._due + missed / s.rate) + 1.0 / s.rate
         # Both draws are made for every reading, so that its noise does not depend on the readings before it.
         normal, uniform = self._random.standard_normal(), self._random.random()
-        self.reading = math.nan
-        if math.isfinite(distance) and s.least <= distance <= s.greatest and uniform >= s.dropout:
-            value = distance + normal * math.hypot(s.noise, s.relative_noise * distance)
-            if s.resolution > 0.0:
-                value = round(value / s.resolution) * s.resolution
-            self.reading = min(max(value, s.least), s.greatest)
-        return self.reading
+        if not (math.isfinite(distance) and s.least <= distance <= s.greatest and uniform >= s.dropout):
+            return math.nan
+        value = distance + normal * math.hypot(s.noise, s.relative_noise * distance)
+        if s.resolution > 0.0:
+            value = round(value / s.resolution) * s.resolution
+        return min(max(value, s.least), s.greatest)

@@ -104,7 +104,7 @@ class RangeFinder:
         return math.inf if distance < 0.0 else float(distance)
 
     def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the reading at the simulation's time, m; NaN when lost or out of range, held between two samples."""
+        """Return the reading at the simulation's time, m; NaN when it is lost, out of range, or not due."""
         due = self.sampler.due(data.time)
         return self.sampler.sample(data.time, self.distance(model, data) if due else math.nan)
 

@@ -36,7 +36,6 @@ Eyes = Literal["none", "depth", "toes"]
 DERIVED = {
     "mode": "the option 'mode'",
     "physics.timestep": "the option 'timestep'",
-    "stiffness.sensor_rate": "'range_sensor.rate'",
 }
 """Settings that follow from others: name of the setting → the one to change instead."""
 

@@ -321,5 +321,5 @@ def _scheduler(
     chosen = make_policy(name, parameters, spec.ground()) if policy is None else policy
     # The result has an entry for each swing, and there may be some more than were planned.
     history = max(settings.stiffness.history, 2 * len(prepared.plan))
-    timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)
+    timing = replace(settings.stiffness, history=history)
     return StiffnessScheduler(robot, foot, chosen, timing)

@@ -37,8 +37,6 @@ class StiffnessTiming:
         min_coverage: Smallest share of a profile's samples that must have been seen.
         fallback: Stiffness to command when there is no decision, Nm/rad; None keeps the last one.
         tolerance: Largest difference of actual and commanded stiffness that counts as reached, as a share.
-        sensor_rate: Readings per second of the range sensor, which holds its last reading in between, Hz; 0 for one
-            that reads at every tick.
         scan: Settings of the profile.
         history: Number of steps that are recorded.
 
@@ -57,7 +55,6 @@ class StiffnessTiming:
     min_coverage: Share = 0.5
     fallback: Annotated[NonNegative, "Nm/rad"] | None = None
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    sensor_rate: Annotated[NonNegative, "Hz"] = 0.0
     scan: ScanSettings = field(default_factory=ScanSettings)
     history: Count = 1000
 
@@ -193,7 +190,6 @@ class StiffnessScheduler:
         self._record: StepStiffness | None = None
         self._decided_at = math.nan
         self._progress = 0.0
-        self._last_reading, self._last_time = math.nan, -math.inf
         self.steps.clear()
 
     @property
@@ -244,7 +240,7 @@ class StiffnessScheduler:
                 )
             self._progress = progress
             if self._record is None and progress >= self.timing.scan_from:
-                self._look(side, robot, measurement)
+                self._look(side, robot, float(measurement.sole_range[side]))
                 if progress >= self.timing.decide_at:
                     self._decide(side, time_left, robot, measurement, landing, compliance)
         return self._command.copy()
@@ -264,14 +260,8 @@ class StiffnessScheduler:
         self._record = None
         self._progress = 0.0
 
-    def _look(self, side: int, robot: Robot, measurement: Measurement) -> None:
-        """Add the reading of this tick, unless it is an old one that the sensor holds."""
-        reading = float(measurement.sole_range[side])
-        if self.timing.sensor_rate > 0.0:
-            held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
-            if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - ROUNDING:
-                return
-            self._last_reading, self._last_time = reading, measurement.time
+    def _look(self, side: int, robot: Robot, reading: float) -> None:
+        """Add the reading of this tick, m."""
         placement = robot.placement(self._frames[side])
         rotation = placement.rotation
         self._scan.add(placement.translation + rotation @ self._sensor, -rotation[:, 2], reading)
@@ -288,9 +278,7 @@ class StiffnessScheduler:
         """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
         profile, problem = self._profile()
-        measured = float(measurement.sole_stiffness[side])
-        actual = float(self._command[side]) if math.isnan(measured) else measured
-        actual = min(max(actual, self.actuator.low), self.actuator.high)
+        actual = self._actual(side, measurement)
         decision = None
         late = time_left < self.timing.deadline
         if late:
@@ -299,27 +287,31 @@ class StiffnessScheduler:
             )
         elif problem is None or not self.policy.needs_scan:
             position = np.array(robot.placement(self._frames[side]).translation)
-            there = position if landing is None else np.array(landing)
-            now, foot = measurement.time, SIDES[side]
-            swing = SwingScan(foot, self._count, now, time_left, position, there, actual, profile, compliance)
+            swing = SwingScan(
+                side=SIDES[side],
+                step=self._count,
+                time=measurement.time,
+                time_left=time_left,
+                position=position,
+                landing=position if landing is None else np.array(landing),
+                actual=actual,
+                profile=profile,
+                compliance=compliance,
+            )
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:
-            stiffness = decision.stiffness
+            wanted = decision.stiffness
         elif late or self.timing.fallback is None:
-            stiffness = float(self._command[side])
+            wanted = float(self._command[side])
         else:
-            stiffness = self.timing.fallback
-        # The stiffness may be beyond the actuator's range, or too far away to be reached before the landing.
-        target = min(max(stiffness, self.actuator.low), self.actuator.high)
-        if target != self._command[side]:
-            sure = max(time_left - self.timing.early_landing, 0.0)
-            self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
+            wanted = self.timing.fallback
+        self._set(side, wanted, actual, time_left)
         self._decided_at = measurement.time
         self._record = StepStiffness(
             side=SIDES[side],
             step=self._count,
             commanded=float(self._command[side]),
-            requested=stiffness,
+            requested=wanted,
             fallback=problem,
             decision=decision,
             profile=profile,
@@ -327,6 +319,19 @@ class StiffnessScheduler:
             planned_before=time_left,
             computing=time.perf_counter() - started,
         )
+
+    def _actual(self, side: int, measurement: Measurement) -> float:
+        """Return the present stiffness of a sole within the range of its actuator; the command without a reading."""
+        measured = float(measurement.sole_stiffness[side])
+        actual = float(self._command[side]) if math.isnan(measured) else measured
+        return min(max(actual, self.actuator.low), self.actuator.high)
+
+    def _set(self, side: int, stiffness: float, actual: float, time_left: float) -> None:
+        """Command a stiffness, or as near to it as the actuator gets within its range and before the landing."""
+        target = min(max(stiffness, self.actuator.low), self.actuator.high)
+        if target != self._command[side]:
+            sure = max(time_left - self.timing.early_landing, 0.0)
+            self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
 
     def _profile(self) -> tuple[Profile | None, str | None]:
         """Return the profile of this swing, and what is wrong with it."""

@@ -45,8 +45,8 @@ class Measurement:
             first, shape (number of soles, 6), N and Nm. The normal forces of a standing robot are positive, and their
             sum is its weight. They are zero in the air. The weight of the foot below the sensor may be missing. None if
             the feet have no force sensors: a control then estimates the wrenches from the joint torques.
-        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit or without
-            a sensor.
+        sole_range: Range sensor under the toe of each foot, shape (number of soles,), m. NaN without a sensor, without
+            a hit, and between two readings of a slow sensor: a reading belongs to the pose at which it was taken.
         sole_stiffness: Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid sole.
         joint_torque: Torque that each drive applies to its joint, measured or computed from its current, shape (na,),
             Nm (or N). A positive torque accelerates the joint in its positive direction. None if it is not measured.
