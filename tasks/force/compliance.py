@@ -68,9 +68,9 @@ class ComplianceTask(FrameTask):
     """
 
     __slots__ = (
-        "_acceleration", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
-        "_offset_position", "_offset_rotation", "_period", "_sole", "_still", "_target_rates", "_target_wrench",
-        "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
+        "_acceleration", "_measured_wrench", "_motion", "_offset_bound", "_offset_position", "_offset_rotation",
+        "_period", "_sole", "_still", "_target_rates", "_target_wrench", "_time_constant", "_velocity",
+        "_velocity_bound", "_wrench_error",
     )  # fmt: skip
     unit = "m|rad"
     usual = {"weight": 10.0, "stiffness": 100.0}
@@ -90,15 +90,12 @@ class ComplianceTask(FrameTask):
         self._period = 0.0  # of the ticks so far, s
         super().__init__(frame, self.law, POSE_AXES, target, options)
         self._time_constant = time_constant
-        self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
-        self._frozen[self._choice.keep] = False
         self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
         if target_wrench is not None:
             self.target_wrench = target_wrench
         self._target_rates = np.zeros(self.dim), np.zeros(self.dim)
         self._sole: int | None = None
-        self._gain_of_period = 1.0
         self._motion = np.zeros(6)
         self.reset()
 
@@ -132,8 +129,9 @@ class ComplianceTask(FrameTask):
 
     @velocity_bound.setter
     def velocity_bound(self, value: ArrayLike) -> None:
-        self._velocity_bound = six(self.name, "velocity bound (m/s, rad/s)", value)
-        self._velocity_bound[self._frozen] = 0.0
+        bound, followed = six(self.name, "velocity bound (m/s, rad/s)", value), np.zeros(6)
+        followed[self._choice.keep] = 1.0  # what the task does not follow must not drift away either
+        self._velocity_bound = bound * followed
 
     @property
     def offset_bound(self) -> Array | None:
@@ -167,8 +165,8 @@ class ComplianceTask(FrameTask):
     def reset(self) -> None:
         """Set offset, compliance velocity and low-pass to zero."""
         super().reset()
-        self._wrench_error, self._wrench_rate = np.zeros(6), np.zeros(6)
-        self._velocity, self._acceleration, self._still = np.zeros(6), np.zeros(6), True
+        self._wrench_error, self._velocity, self._acceleration = np.zeros(6), np.zeros(6), np.zeros(6)
+        self._still = True  # until the first wrench error
         self._offset_position, self._offset_rotation = np.zeros(3), np.eye(3)
 
     # ---- the law ------------------------------------------------------------------------------------------------
@@ -236,15 +234,17 @@ class ComplianceTask(FrameTask):
     def _advance(self, dt: float) -> None:
         """Yield to `measured_wrench` for a period dt, s."""
         if dt != self._period:
-            self._start(dt)
-        if self._still and not (self._measured_wrench != self._target_wrench).any():
+            self._check_damping(self.damping, finite_scalar("control period (s)", dt, above=0.0))
+            self._period = dt
+        rate, error = self._measured_wrench - self._target_wrench, self._wrench_error
+        if self._still and not rate.any():
             return
-        error, rate, self._still = self._wrench_error, self._wrench_rate, False
-        np.subtract(self._measured_wrench, self._target_wrench, out=rate)
+        self._still = False
         if self._time_constant > 0.0:
+            gain = lag_gain(dt, self._time_constant)
             rate -= error
-            error += self._gain_of_period * rate
-            rate *= (1.0 - self._gain_of_period) / self._time_constant
+            error += gain * rate
+            rate *= (1.0 - gain) / self._time_constant
         else:
             error[:] = rate
             rate[:] = 0.0
@@ -262,11 +262,6 @@ class ComplianceTask(FrameTask):
         step *= dt
         self._offset_position += step
         self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
-
-    def _start(self, dt: float) -> None:
-        self._check_damping(self.damping, finite_scalar("control period (s)", dt, above=0.0))
-        self._period = dt
-        self._gain_of_period = lag_gain(dt, self._time_constant)
 
     def _set_damping(self, damping: Array) -> None:
         self._check_damping(damping, self._period)

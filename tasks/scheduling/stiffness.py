@@ -277,33 +277,28 @@ class StiffnessScheduler:
     ) -> None:
         """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
-        profile, problem = self._profile()
-        actual = self._actual(side, measurement)
-        decision = None
-        late = time_left < self.timing.deadline
-        if late:
-            problem = (
-                f"late: {time_left:.3f} s before the landing, at least {self.timing.deadline:g} s are needed"
-            )
+        (profile, problem), decision = self._profile(), None
+        actual, deadline = self._actual(side, measurement), self.timing.deadline
+        if late := time_left < deadline:
+            problem = f"late: {time_left:.3f} s before the landing, at least {deadline:g} s are needed"
         elif problem is None or not self.policy.needs_scan:
-            position = np.array(robot.placement(self._frames[side]).translation)
+            here = np.array(robot.placement(self._frames[side]).translation)
             swing = SwingScan(
                 side=SIDES[side],
                 step=self._count,
                 time=measurement.time,
                 time_left=time_left,
-                position=position,
-                landing=position if landing is None else np.array(landing),
+                position=here,
+                landing=here if landing is None else np.array(landing),
                 actual=actual,
                 profile=profile,
                 compliance=compliance,
             )
             decision, problem = self._ask(swing)
+        wanted = float(self._command[side])
         if problem is None and decision is not None:
             wanted = decision.stiffness
-        elif late or self.timing.fallback is None:
-            wanted = float(self._command[side])
-        else:
+        elif not late and self.timing.fallback is not None:
             wanted = self.timing.fallback
         self._set(side, wanted, actual, time_left)
         self._decided_at = measurement.time

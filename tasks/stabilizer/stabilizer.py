@@ -133,13 +133,7 @@ class Stabilizer:
         """
         rows = wrenches.tolist()
         self._update_in_air(rows)
-        measured_zmp = self._measured_zmp(target, rows, soles, contact)
-        if outside is not None:
-            weight = self.mass * GRAVITY
-            offset = zmp_offset(
-                outside, measured_zmp if math.isfinite(measured_zmp[0]) else target.zmp, weight
-            )
-            measured_zmp = measured_zmp - np.array((*offset, 0.0))
+        measured_zmp = self._measured_zmp(target, rows, soles, contact, outside)
         idle = self._in_air or math.isnan(measured_zmp[0])
         zmp = None if idle else measured_zmp  # that feedback and admittances go by
 
@@ -154,7 +148,7 @@ class Stabilizer:
         net = wrench_through(pivot, acceleration, self._mass)
         feet_zmp = target.zmp
         if outside is not None:
-            feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
+            feet_zmp = feet_zmp + self._zmp_offset(outside, target.zmp)
             net = net - outside
         net[2] = max(net[2], MIN_FORCE)  # the ground only pushes
         desired_zmp = level_zmp(net, target.zmp)
@@ -163,16 +157,26 @@ class Stabilizer:
             ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact)
         if self._yields:
-            before = wrenches if self._wrench is None else self._wrench
-            self._wrench = before + lag_gain(dt, self._gains.wrench_time) * (wrenches - before)
-            if idle:
-                self.feet.hold()
-            else:
-                self.feet.update(self._wrench.tolist(), feet.wrenches.tolist(), contact, dt)
+            self._yield_to(wrenches, None if idle else feet.wrenches, contact, dt)
         turned = self.feet.correction(0), self.feet.correction(1)
         return StabilizerOutput(
             errors, acceleration, net, desired_zmp, measured_zmp, feet, turned, self._in_air
         )
+
+    def _yield_to(
+        self, wrenches: Array, desired: Array | None, contact: tuple[bool, bool], dt: float
+    ) -> None:
+        """Low-pass the measured wrenches, and correct the feet towards the desired ones; None in the air."""
+        before = wrenches if self._wrench is None else self._wrench
+        self._wrench = before + lag_gain(dt, self._gains.wrench_time) * (wrenches - before)
+        if desired is None:
+            self.feet.hold()
+        else:
+            self.feet.update(self._wrench.tolist(), desired.tolist(), contact, dt)
+
+    def _zmp_offset(self, outside: Array, zmp: Array) -> Array:
+        """Return by how much an outside wrench moves the ZMP of the feet, shape (3,), m."""
+        return np.array((*zmp_offset(outside, zmp, self.mass * GRAVITY), 0.0))
 
     def _update_in_air(self, wrenches: Sequence[Vector]) -> None:
         """Both feet without load are in the air; the first tick on the ground starts with an empty memory."""
@@ -188,10 +192,15 @@ class Stabilizer:
         wrenches: Sequence[Vector],
         soles: Sequence[pin.SE3],
         contact: tuple[bool, bool],
+        outside: Array | None,
     ) -> Array:
-        """ZMP of the feet in contact, on the level of the target, shape (3,), m; NaN without load."""
+        """ZMP of the feet in contact without the part of an outside wrench, on the level of the target, shape (3,), m.
+
+        It is NaN without load.
+        """
         standing = slice(0 if contact[0] else 1, 2 if contact[1] else 1)
         total = net_wrench(wrenches[standing], soles[standing])
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
-        return level_zmp(total, target.zmp)
+        zmp = level_zmp(total, target.zmp)
+        return zmp if outside is None else zmp - self._zmp_offset(outside, zmp)

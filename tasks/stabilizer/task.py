@@ -198,14 +198,12 @@ class StabilizerTask(CoMTask):
         stabilizer.mass = estimate.mass  # with what it carries
         pendulum, contact = self._pendulum(), (feet.contacts[0].active, feet.contacts[1].active)
         com, velocity, wrenches = estimate.com, estimate.com_velocity, measurement.wrenches
-        if not any(contact):  # no foot carries a wrench: the CoM follows its target without feedback
-            self.output = None
-            self.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
-            return
-        output = stabilizer.update(pendulum, com, velocity, wrenches, self._soles, contact, self._yaw, dt)
-        self.output = output
-        feet.follow(output, contact, self._places)
-        acceleration = feet.com_acceleration(output, pendulum)
+        self.output, acceleration = None, pendulum.com_acceleration
+        if any(contact):  # otherwise no foot carries a wrench: the CoM follows its target without feedback
+            output = stabilizer.update(pendulum, com, velocity, wrenches, self._soles, contact, self._yaw, dt)
+            self.output = output
+            feet.follow(output, contact, self._places)
+            acceleration = feet.com_acceleration(output, pendulum)
         self.follow(pendulum.com, pendulum.com_velocity, acceleration)
 
     def _pendulum(self) -> Pendulum:

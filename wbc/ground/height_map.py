@@ -143,7 +143,7 @@ class HeightMap:
         self._time = now = max(time, self._time)
         foreign = self._code[slot] != code
         age = np.where(foreign, 0.0, time - self._seen[slot])
-        since = np.minimum(age, 0.0)  # negative for what a late frame has not seen last
+        since = np.minimum(age, 0.0)  # negative for what has been seen since a late frame
         r -= s.wander**2 * since
         var = self._var[slot] + s.wander**2 * (age - since)
         var[foreign] = np.inf
@@ -152,22 +152,26 @@ class HeightMap:
             z, shift = z - (shift or 0.0), None
         elif shift is not None:
             self._z += shift
+        self._fuse(slot, z, r, var, since < 0.0)
+        self._code[slot], self._seen[slot] = code, time - since
+        self._refresh(now, slot, shift is not None)
+        return shift
+
+    def _fuse(self, slot: Index, z: Array, r: Array, var: Array, newer: NDArray[np.bool_]) -> None:
+        """Fuse heights of variance r into cells of variance `var`; those that are known newer are not replaced."""
         old = self._z[slot]
         step = z - old
         # A higher surface replaces what is there at once; a lower one only when it has been seen again and again.
-        gate = 3.0 * np.sqrt(var + r) + s.gate
+        gate = 3.0 * np.sqrt(var + r) + self.settings.gate
         fresh = ~np.isfinite(var) | (step > gate)
         below = ~fresh & (step < -gate)
         var[fresh] = 0.0
         gain = np.where(fresh, 1.0, np.where(below, 0.0, var / (var + r)))
         variance = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
-        newer = (since < 0.0) & (fresh | below)
-        gain[newer], variance[newer] = 0.0, self._var[slot[newer]]
+        kept = newer & (fresh | below)
+        gain[kept], variance[kept] = 0.0, self._var[slot[kept]]
         self._z[slot] = old + gain * step
         self._var[slot] = variance
-        self._code[slot], self._seen[slot] = code, time - since
-        self._refresh(now, slot, shift is not None)
-        return shift
 
     @checked
     def shift(self, height: Annotated[Number, "m"]) -> None:
