@@ -236,7 +236,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: reached("left_hand"), "waits for must have reached"),
         (lambda: program(3), "a plant must have measure and step"),
         (lambda: program(plant(), seconds=-1.0), "seconds of Program.run"),
-        (lambda: draw_signals([3], ["time"]), "logs of draw_signals.* must be of class Log"),  # type: ignore[list-item]
+        (lambda: draw_signals([3], ["time"]), "logs.* of draw_signals must be of class Log"),  # type: ignore[list-item]
     ],
 }
 

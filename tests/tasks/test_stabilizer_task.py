@@ -237,7 +237,7 @@ def test_it_needs_two_feet_and_a_controller() -> None:
         (left, "right_foot"),
         (left, wbc.FixedContact("left_sole")),
     ):
-        with pytest.raises(InputError, match="needs two feet|contacts of StabilizerTask"):
+        with pytest.raises(InputError, match=r"needs two feet|contacts(\[1\])? of StabilizerTask"):
             StabilizerTask(contacts)  # type: ignore[arg-type]
     twice = left, wbc.SoleContact(robot.sole("left_foot").frame)
     with pytest.raises(InputError, match="two different soles"):
