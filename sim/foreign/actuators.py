@@ -121,12 +121,14 @@ class JointActuators:
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step for a checked command; the state is up to date."""
-        follows = command.joint_position is not None and command.kp is None and command.kd is None
+        position, velocity = command.joint_position, command.joint_velocity
+        follows = position is not None and command.kp is None and command.kd is None
         at_servo = self.servo if follows else self._no_servo
         torque = self._joint_torque(data, command, at_servo)
         own = self._own_now(data, at_servo[self._joints])
-        if follows:
-            own = np.where(at_servo[self._joints], self._own_at(command), own)
+        if position is not None and follows:
+            there = self._own(position, np.zeros_like(position) if velocity is None else velocity)
+            own = np.where(at_servo[self._joints], there, own)
         force = np.where(self._main, torque[self._joints] / self._gear, 0.0)
         data.ctrl[self._controls] = (force - own) / self._gain
         if self._spare.size:
@@ -141,12 +143,6 @@ class JointActuators:
         if command.joint_position is None or at_servo.all():
             return command.joint_torque
         return np.where(at_servo, command.joint_torque, self._servo_torque(data, command, at_servo))
-
-    def _own_at(self, command: Command) -> Array:
-        """Return the force of each actuator at a control of zero, where the command refers its joint to."""
-        position, velocity = command.joint_position, command.joint_velocity
-        assert position is not None
-        return self._own(position, np.zeros_like(position) if velocity is None else velocity)
 
     def _own_now(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
         """Return the force of each actuator at a control of zero where its joint is, or will be at the end of the step.

@@ -102,11 +102,7 @@ class FootDevices:
     """Stiffness actuator and range sensor of every sole, left first."""
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        feet: Sequence[FootParts],
-        foot: Foot,
-        range_sensor: RangeSensor | None,
+        self, model: mujoco.MjModel, feet: Sequence[FootParts], foot: Foot, range_sensor: RangeSensor | None
     ) -> None:
 
         self._model, self._feet, self._range_sensor = model, feet, range_sensor

@@ -176,11 +176,7 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
 
 
 def _feed(
-    executor: Executor,
-    pending: Pending,
-    timeout: float | None,
-    in_flight: int,
-    record: Record,
+    executor: Executor, pending: Pending, timeout: float | None, in_flight: int, record: Record
 ) -> Pending:
     """Keep an executor busy until nothing is pending, or until it breaks or cancels a trial.
 

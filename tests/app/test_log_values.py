@@ -26,8 +26,8 @@ from log_writing import made_log
 
 from wbc.app.drift import MIN_LOAD, Drift
 from wbc.app.log.header import make_header
-from wbc.app.log.names import foot_names, joint_units, torque_units
 from wbc.app.log.reader import Log
+from wbc.app.log.signals import foot_names, joint_units, torque_units
 from wbc.app.log.stances import level_corners, stances, support_box
 from wbc.app.plot.figures import missing
 from wbc.app.repeat import RepeatWalk, first_difference, interventions_of, recorded_walk

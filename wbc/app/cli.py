@@ -91,12 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± must not lose a result
     try:
-        make_app(words)(
-            words,
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        make_app(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
         print(f"wbc: {_one_line(error)}{_hint(error)}", file=sys.stderr)

@@ -13,12 +13,7 @@ from wbc.sim.trial.spec import file_of
 from wbc.sim.walks.result import Spread, WalkResult
 from wbc.sim.walks.spec import WalkSpec
 
-REASONS = {
-    "height": "it dropped",
-    "tilt": "it tilted",
-    "down": "it lay down",
-    "solver": "the QP failed",
-}
+REASONS = {"height": "it dropped", "tilt": "it tilted", "down": "it lay down", "solver": "the QP failed"}
 """Reason of a fall → words."""
 
 CAUSES = {

@@ -57,11 +57,7 @@ class TaskGains(BodyGains):
 
 
 def planned_table(
-    robot: Robot,
-    gains: TaskGains,
-    distribution: DistributionSettings,
-    *,
-    torque: bool,
+    robot: Robot, gains: TaskGains, distribution: DistributionSettings, *, torque: bool
 ) -> TaskTable:
     """Return the table of planned steps, on which a stabilizer balances the robot, with the friction of its feet."""
     friction = distribution.friction

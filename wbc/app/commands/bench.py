@@ -7,11 +7,7 @@ from wbc.app.output import Output, Report, reports
 
 
 @reports
-def tick(
-    options: BenchTickOptions,
-    *,
-    output: Output,
-) -> Report:
+def tick(options: BenchTickOptions, *, output: Output) -> Report:
     """Time a tick of the controller: two soles, a swaying centre of mass, posture, joint and torque limits."""
     facts = bench_tick(options)
     parts = ", ".join(f"{name} {value:.1f}" for name, value in facts["parts"].items())

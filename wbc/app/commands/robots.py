@@ -76,8 +76,7 @@ def _locked(text: str) -> tuple[str, float]:
 @reports
 def robots(
     *words: Annotated[
-        str,
-        Parameter(help="A robot to describe; or check and a file. All in a table when left out."),
+        str, Parameter(help="A robot to describe; or check and a file. All in a table when left out.")
     ],
     options: RobotFileOptions,
     output: Output,
@@ -98,10 +97,7 @@ def robots(
         description = load(verb)
         return output.report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
-    lines = [
-        _table(facts),
-        *(f"{other:<18}no feet, from a file or from a package" for other in others()),
-    ]
+    lines = [_table(facts), *(f"{other:<18}no feet, from a file or from a package" for other in others())]
     return output.report(
         {"robots": [_brief(each) for each in facts], "others": list(others())}, "\n".join(lines)
     )

@@ -10,12 +10,7 @@ from wbc.sim.balance.standing import StandSpec, StandTrial
 
 
 @reports
-def stand(
-    options: StandSpec,
-    *,
-    live: LiveView,
-    output: Output,
-) -> Report:
+def stand(options: StandSpec, *, live: LiveView, output: Output) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     result, trial, hooks = live.run(
         lambda: StandTrial(options, visuals=live.view is not None),

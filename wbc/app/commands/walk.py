@@ -91,11 +91,7 @@ class WalkOptions:
 
 @reports
 def walk(
-    given: Annotated[Mapping[str, Any], OPTIONS],
-    *,
-    options: WalkOptions,
-    live: LiveDrive,
-    output: Output,
+    given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, live: LiveDrive, output: Output
 ) -> Report:
     """Walk in the simulator, and report how far the robot came, how well, and how it ended: by a fall, or by Ctrl-C."""
     if options.repeat is not None and (

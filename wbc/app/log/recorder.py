@@ -61,13 +61,7 @@ class Recorder(TrialHook):
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
 
-    def add(
-        self,
-        name: str,
-        value: Callable[[Tick], Any],
-        unit: str = "1",
-        about: str = "",
-    ) -> None:
+    def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
         """Add a signal.
 
         Args:
@@ -87,11 +81,7 @@ class Recorder(TrialHook):
         self._added.append((Signal(name, unit, about), value))
 
     def __call__(
-        self,
-        plant: Simulation | None,
-        control: Control,
-        measurement: Measurement,
-        command: Command,
+        self, plant: Simulation | None, control: Control, measurement: Measurement, command: Command
     ) -> None:
         """Record one tick, after the command has been computed and before the plant takes it.
 

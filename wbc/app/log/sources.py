@@ -17,17 +17,21 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.names import (
+from wbc.app.log.signals import (
     WRENCH,
     WRENCH_UNITS,
     XY,
     XYZ,
+    Read,
+    Signals,
+    Tick,
+    TickPart,
     add_motion,
+    cached,
     foot_names,
     joint_units,
     torque_units,
 )
-from wbc.app.log.signals import Read, Signals, Tick, TickPart, cached
 from wbc.app.log.truth import add_plant, add_truth, dcm_of
 from wbc.base.numbers import Array
 from wbc.core.drive.position import PositionControl

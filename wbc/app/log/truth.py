@@ -12,8 +12,18 @@ from typing import NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.names import XY, XYZ, add_motion, joint_units, position_signal, torque_units
-from wbc.app.log.signals import Signals, Tick, TickPart, cached
+from wbc.app.log.signals import (
+    XY,
+    XYZ,
+    Signals,
+    Tick,
+    TickPart,
+    add_motion,
+    cached,
+    joint_units,
+    position_signal,
+    torque_units,
+)
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.robot import SIDES, Robot

@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
-from wbc.app.log.names import position_signal
 from wbc.app.log.reader import Log
+from wbc.app.log.signals import position_signal
 from wbc.app.log.stances import Stance, stances
 from wbc.app.log.truth import furniture_signals
 from wbc.app.view.marks import (

@@ -9,16 +9,7 @@ import mujoco
 import numpy as np
 
 from wbc.app.drift import Drift, sole_corners
-from wbc.app.view.marks import (
-    Force,
-    Instant,
-    Mark,
-    Walking,
-    ground_mark,
-    planned_step,
-    real_step,
-    scan_mark,
-)
+from wbc.app.view.marks import Force, Instant, Mark, Walking, ground_mark, planned_step, real_step, scan_mark
 from wbc.base.numbers import Array
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES

@@ -146,8 +146,7 @@ class Workbench(View):
                 size = gui.add_slider("impulse (Ns/kg)", 0.0, MAX_IMPULSE, 0.01, IMPULSE)
                 push = gui.add_button("push")
             when(
-                push.on_click,
-                lambda _: order({"do": "push", "direction": side.value, "impulse": size.value}),
+                push.on_click, lambda _: order({"do": "push", "direction": side.value, "impulse": size.value})
             )
         self._match()
 

@@ -39,13 +39,7 @@ from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
 from wbc.walking.stepping.path import PathSteering, StepVelocity
-from wbc.walking.stepping.settings import (
-    GaitValues,
-    RobotSize,
-    SteppingConstants,
-    SteppingSettings,
-    in_si,
-)
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.single_support import Asked, SetOff, SingleSupport
 from wbc.walking.swing import FootMotion
 

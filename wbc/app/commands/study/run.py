@@ -80,12 +80,7 @@ class RunOptions:
 
 @reports
 def run(
-    study: StudyFile | None = None,
-    /,
-    *,
-    options: RunOptions,
-    part: PartOptions,
-    output: Output,
+    study: StudyFile | None = None, /, *, options: RunOptions, part: PartOptions, output: Output
 ) -> Report:
     """Run the trials of a study that its journal does not have; it can be stopped, and continues from there.
 

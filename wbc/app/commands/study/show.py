@@ -123,14 +123,7 @@ def show(
 
 
 @reports
-def table(
-    study: StudyFile,
-    /,
-    *,
-    options: ResultOptions,
-    part: PartOptions,
-    output: Output,
-) -> Report:
+def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, output: Output) -> Report:
     """Make a table of a study from its journal, or a spreadsheet."""
     target = options.out
     if target is not None:
@@ -153,14 +146,7 @@ def table(
 
 
 @reports
-def plot(
-    study: StudyFile,
-    /,
-    *,
-    options: ResultOptions,
-    part: PartOptions,
-    output: Output,
-) -> Report:
+def plot(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, output: Output) -> Report:
     """Draw a study from its journal: means of every arm in every cell, with their intervals."""
     from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.study import draw_study  # noqa: PLC0415
