@@ -98,14 +98,9 @@ def described(spec: mujoco.MjSpec) -> RobotDescription:
     return RobotDescription.from_mjcf(spec, lock=both(SAG), half_sitting=posture, **soles)
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
-    """Run the example."""
-    options = parse(__doc__, arguments, seconds=10.0, push=3.0)
-    spec = cassie()
-    description = described(spec)
-    loop = MujocoLoop(description, spec.compile(), control_period=0.002)
-    robot = description.robot()
-    controller = wbc.Controller(robot, loop.control_period)
+def controlled(robot: wbc.Robot, period: float) -> wbc.HybridControl:
+    """Return the control of a robot that stands: its CoM over its feet, an upright pelvis, and soft servos."""
+    controller = wbc.Controller(robot, period)
     drives = {
         f"{side}-{drive}": torque for side in ("left", "right") for drive, (torque, _) in DRIVES.items()
     }
@@ -127,9 +122,18 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         )
         controller.add(contact)
         contact.set_box(foot.length, 0.002)
-    # Soft servos at the drives damp the springs, which the controller does not know.
+    # The servos damp the springs, which the controller does not know.
     strength = np.array([drives.get(name, 0.0) for name in robot.joint_names])
-    control = wbc.HybridControl(controller, kp=0.5 * strength, kd=0.1 * strength)
+    return wbc.HybridControl(controller, kp=0.5 * strength, kd=0.1 * strength)
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run the example."""
+    options = parse(__doc__, arguments, seconds=10.0, push=3.0)
+    spec = cassie()
+    description = described(spec)
+    loop = MujocoLoop(description, spec.compile(), control_period=0.002)
+    control = controlled(description.robot(), loop.control_period)
     start, pushed = loop.truth().com, False
     with options.watch(loop) as view:
         while loop.time < options.seconds:
@@ -138,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
                 loop.push("pelvis", [options.push / 0.1, 0.0, 0.0], duration=0.1)
             loop.step(control.command(loop.measure()))
             view.update()
-    closures = [each for each in controller.contacts if isinstance(each, wbc.LoopClosure)]
+    closures = [each for each in control.controller.contacts if isinstance(each, wbc.LoopClosure)]
     return report(
         upright=upright(loop),
         moved_mm=1e3 * float(np.abs(loop.truth().com - start).max()),

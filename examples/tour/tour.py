@@ -142,29 +142,11 @@ class Tour:
         start[2] += setup.drop
         self.loop.reset(start)
         robot.update(standing(robot), np.zeros(robot.nv))
-        steps = SteppingSettings(swing_height=SWING)
-        walks = WalkingControlSettings(mode=setup.mode, stepping=steps)
-        observer = None
-        if setup.delay > 0.0:
-            stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
-            observer = wbc.Observer(robot, stated, adopt=True)
-        self.walking: WalkingControl | PolicyControl | PolicyGuard
-        if setup.policy:
-            arms = None
-            if setup.control == "filtered":
-                shapes = description.collision_shapes()
-                hands = wbc.CollisionLimit(KEPT_APART, shapes=shapes, recovery=100.0, influence=0.5)
-                arms = PolicyFilter(model.ARMS, [hands])
-            policy = PolicyControl(robot, setup.policy, PERIOD, filter=arms, observer=observer)
-            self.walking = PolicyGuard(policy) if setup.control == "guarded" else policy
-        else:
-            self.walking = WalkingControl(robot, None, PERIOD, walks, observer=observer)
+        self.walking = _control(description, robot, setup)
         self.operator = Teleoperator(run, LIMITS)
         self.effort = Effort(robot.joint_names)
         self.punches = punches(run) if setup.punches else []
-        self.changed = (
-            0.0  # square of the torques that a filter has changed, summed over joints and ticks, (Nm)²
-        )
+        self.changed = 0.0  # square of the torques that a filter has changed, over joints and ticks, (Nm)²
         self.given = 0  # punches
         self.ticks = 0
         self.fell: float | None = None
@@ -181,21 +163,13 @@ class Tour:
 
     def step(self) -> None:
         """Walk one control period."""
-        time, loop, walking, arms = self.ticks * PERIOD, self.loop, self.walking, self.arms
-        if loop.diverged is not None:
+        time, loop, walking = self.ticks * PERIOD, self.loop, self.walking
+        down = loop.diverged is not None
+        if not down and self.ticks % round(COMMANDS / PERIOD) == 0:
+            down = self._order(time)
+        if down:
             self.fell = time
             return
-        if self.ticks % round(COMMANDS / PERIOD) == 0:
-            self.effort.add(loop.joint_torque, loop.joint_velocity)
-            x, y, height, i, j, k, w = loop.base_pose
-            if height < FLOOR:
-                self.fell = time
-                return
-            yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
-            velocity = self.operator.command(time, x, y, yaw)
-            walking.velocity = velocity if any(velocity) else None
-            if not self.setup.own_arms:
-                arms.move(time)
         if self.given < len(self.punches) and time >= self.punches[self.given].time - 1e-9:
             punch = self.punches[self.given]
             self.given += 1
@@ -206,16 +180,31 @@ class Tour:
             self.changed += float(walking.changed @ walking.changed)
         if self.record is not None:
             self.record(loop, walking, measurement, command)
-        if not self.setup.own_arms:  # the walk leaves their torques and gains at zero
-            torque = np.array(command.joint_torque)
-            torque[arms.columns] = arms.torque(
-                loop.joint_position[arms.columns], loop.joint_velocity[arms.columns]
-            )
-            command = dataclasses.replace(command, joint_torque=torque, released=None)
-        loop.step(command)
+        loop.step(command if self.setup.own_arms else self._with_arms(command))
         self.ticks += 1
         if walking.fallen is not None and self.told is None:
             self.told = time, walking.fallen.value
+
+    def _order(self, time: float) -> bool:
+        """Tell the walk and the arms where to go; return True for a robot that lies."""
+        self.effort.add(self.loop.joint_torque, self.loop.joint_velocity)
+        x, y, height, i, j, k, w = self.loop.base_pose
+        if height < FLOOR:
+            return True
+        yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        velocity = self.operator.command(time, x, y, yaw)
+        self.walking.velocity = velocity if any(velocity) else None
+        if not self.setup.own_arms:
+            self.arms.move(time)
+        return False
+
+    def _with_arms(self, command: wbc.Command) -> wbc.Command:
+        """Return a command with the torques of the arms, whose torques and gains the walk leaves at zero."""
+        columns, torque = self.arms.columns, np.array(command.joint_torque)
+        torque[columns] = self.arms.torque(
+            self.loop.joint_position[columns], self.loop.joint_velocity[columns]
+        )
+        return dataclasses.replace(command, joint_torque=torque, released=None)
 
     def result(self) -> Row:
         """Return the row of this run: times, s, errors, m and rad, and torques that a filter changes, rms, Nm."""
@@ -240,6 +229,26 @@ class Tour:
             "told": self.told,
             "last_punch": None if last is None else [last.time, last.joint, *last.force.round(1).tolist()],
         }
+
+
+def _control(
+    description: wbc.RobotDescription, robot: wbc.Robot, setup: Setup
+) -> WalkingControl | PolicyControl | PolicyGuard:
+    """Return the control of a robot that stands: the walk, or a policy with a filter or a guard."""
+    observer = None
+    if setup.delay > 0.0:
+        stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
+        observer = wbc.Observer(robot, stated, adopt=True)
+    if not setup.policy:
+        walks = WalkingControlSettings(mode=setup.mode, stepping=SteppingSettings(swing_height=SWING))
+        return WalkingControl(robot, None, PERIOD, walks, observer=observer)
+    arms = None
+    if setup.control == "filtered":
+        shapes = description.collision_shapes()
+        hands = wbc.CollisionLimit(KEPT_APART, shapes=shapes, recovery=100.0, influence=0.5)
+        arms = PolicyFilter(model.ARMS, [hands])
+    policy = PolicyControl(robot, setup.policy, PERIOD, filter=arms, observer=observer)
+    return PolicyGuard(policy) if setup.control == "guarded" else policy
 
 
 def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Setup) -> Simulation:
