@@ -136,14 +136,12 @@ class WalkTasks:
         self.com.spared_acceleration = accelerations[self.com.spared]
 
     def _hold_com(self, gains: PhaseGains) -> None:
-        """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""
+        """Let the weight of the CoM act by a ratio, with gains of this phase; a gain that the user has set stays."""
         com, own = self.com, self._own_gains
         com.scale = gains.scale
-        set_ = [not np.array_equal(getattr(com, gain), own[gain]) for gain in GAINS]
-        for gain, is_set in zip(GAINS, set_, strict=True):
-            if not is_set:
-                own[gain] = getattr(gains, gain)
-                setattr(com, gain, own[gain])
+        for gain in [gain for gain in GAINS if np.array_equal(getattr(com, gain), own[gain])]:
+            own[gain] = getattr(gains, gain)
+            setattr(com, gain, own[gain])
 
     def _switch(self, side: int, *, contact: bool, swings: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground or take it off; one that swings follows its motion."""
