@@ -44,6 +44,10 @@ ResultT = TypeVar("ResultT")
 
 _log = logging.getLogger(__name__)
 
+SETTING_OFF, STEP_TIME, MORE_STEPS = 1.0, 3.0, 4
+"""Time in which a robot begins to walk along a plan, s; longest time of one of its steps, s, some three times that of a
+slow free step; further steps that balance it, and bring feet to their places."""
+
 
 class StageError(WbcError):
     """A stage of a trial has not come to its end: the robot has fallen, or the time of the stage is over."""
@@ -295,8 +299,8 @@ class Trial(Generic[ControlT, ResultT]):
         """
         control: Any = self.control
         control.follow(plan)
-        self.advance(1.0, look)
-        self.until(lambda: bool(control.done), 3.0 * (len(plan) + 4), look)
+        self.advance(SETTING_OFF, look)
+        self.until(lambda: bool(control.done), STEP_TIME * (len(plan) + MORE_STEPS), look)
         if control.source.reason:
             raise StageError(f"stage '{self.stage}' ended: {control.source.reason}")
         self.advance(rest, look)
