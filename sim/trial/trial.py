@@ -294,6 +294,8 @@ class Trial(Generic[ControlT, ResultT]):
     def follow(self, plan: FootstepPlan, rest: float = 0.0, look: Look | None = None) -> None:
         """Walk from the present place along a plan to its end, and rest for a time, s; errors are as of `advance`.
 
+        A push may leave the last foot beside its place: in free steps `control.source.missed` says how far, m.
+
         Raises:
             StageError: The robot does not reach the end of the plan, because a step is refused or takes too long.
         """
