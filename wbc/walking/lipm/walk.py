@@ -19,18 +19,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.drive.control import State
-from wbc.core.frames import heading, yaw_rotation
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.course import PlannedCourse
+from wbc.walking.lipm.drift import FeetDrift
 from wbc.walking.lipm.phases import HOLD, PlanPhases
 from wbc.walking.lipm.settings import WalkSettings, law_of
 from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
@@ -52,10 +52,6 @@ from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
-
-TURNED, MOST_TURN = 0.02, 0.04
-"""Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
-of that in a step, rad."""
 
 DEBOUNCE = 0.01
 """Time that the load of a touch-down must last, s."""
@@ -115,8 +111,7 @@ class LipmWalk(ReferenceSource):
         swing: Swing of this step; None on both feet.
         ground: What is known of the ground.
         com_height: Height of the CoM over the support while walking, m.
-        drift_correction: Drift correction of the remaining footsteps: their motion since the planner was taken, for
-            soles that have moved and turned on the ground, which the estimated world follows.
+        drift: Drift of the feet on the ground, by which the remaining footsteps move.
     """
 
     com_height: float
@@ -160,9 +155,8 @@ class LipmWalk(ReferenceSource):
         self._pace = 0.0  # of the last plan, m/s
         self._planning = Planning()
         self._begun: tuple[Event, ...] = ()  # events before the next update
-        self.drift_correction = pin.SE3.Identity()
+        self.drift = FeetDrift()
         self._measured: Sequence[pin.SE3] | None = None  # soles by the encoders in this tick
-        self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self.swing: SwingFoot | None = None
         self._planned_swing: PlannedSwing | None = None
         self._loaded = 0.0  # time for which the swing foot has borne the load of a touch-down, s
@@ -203,7 +197,7 @@ class LipmWalk(ReferenceSource):
         super().take(planner)
         if planner is not before:
             self._planning.hurry()
-            self.drift_correction = pin.SE3.Identity()
+            self.drift.begin()
         climbs = isinstance(planner, PlanSource) and planner.plan.climbs
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self._preview, self._adjuster = self._laws[climbs]
@@ -222,12 +216,9 @@ class LipmWalk(ReferenceSource):
             return
         self._planning.begin(planner, self.time)
         feet = phases.plan.feet(phases.step + (phases.swing is not None))
-        drift = self.drift_correction
-        turns = not drift.isIdentity(0.0)  # then the planner sees the feet in the world that it was taken in
-        seen = [foot.moved(drift.inverse()) for foot in feet] if turns else feet
-        plan = self._ask(planner, seen)
+        plan = self._ask(planner, self.drift.planner_feet(feet))
         if plan is not None:
-            self._steer(plan.moved(drift) if turns else plan)
+            self._steer(self.drift.present_plan(plan))
             self._pace = planner.pace
             self._planning.ask(planner)  # whose order may have ended with its answer
             return
@@ -339,7 +330,7 @@ class LipmWalk(ReferenceSource):
         course.advance(self.dt)
         phases.advance(self.dt)
         if phases.phase is not GaitPhase.STANDING:
-            self._turned += turned
+            self.drift.turn(turned)
         events = self._begun + self._change_phase(loads, self._places if soles is None else soles)
         self._begun = ()
         overdue, swing = phases.overdue, self.swing
@@ -377,7 +368,11 @@ class LipmWalk(ReferenceSource):
         phases = self.phases
         phases.lift()
         self._loaded = 0.0
-        self._correct_drift(places)
+        last, stance = self._planned_swing, phases.stance
+        landed = last is not None and last.landing.side == SIDES[stance]
+        move = self.drift.lift(stance, places, self._measured if landed else None)
+        if move is not None:
+            phases.set_landing(phases.landing.moved(move))
         step, shape = phases.landing, phases.gait.swing
         self.ground.lift(phases.stance, places[phases.stance])
         landing = self.ground.expect(step, self._near(step))
@@ -391,28 +386,6 @@ class LipmWalk(ReferenceSource):
         self.swing = SwingFoot(start, landing, phases.duration, shape, self.ground.way(start, landing))
         self._replan()
         self._plan_swing()
-
-    def _correct_drift(self, places: Sequence[pin.SE3]) -> None:
-        """Move the landings to come against what soles have moved and turned on the ground.
-
-        The foot that has landed has moved by the difference of its places beside the other one, by the encoders and as
-        commanded. What soles have turned is turned back about it.
-        """
-        stance, turn, back = self.phases.stance, 0.0, np.zeros(3)
-        here, last, measured = places[stance].translation, self._planned_swing, self._measured
-        if measured is not None and last is not None and last.landing.side == SIDES[stance]:
-            before, now = (
-                soles[1 - stance].translation - soles[stance].translation for soles in (places, measured)
-            )
-            back[:2] = now[:2] - before[:2]
-        if abs(self._turned) >= TURNED:
-            turn = max(-MOST_TURN, min(MOST_TURN, -self._turned))
-            self._turned += turn
-        rotation = yaw_rotation(turn)
-        move = pin.SE3(rotation, here - rotation.dot(here) + back)
-        if not move.isIdentity(0.0):
-            self.drift_correction = move * self.drift_correction
-            self.phases.set_landing(self.phases.landing.moved(move))
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
