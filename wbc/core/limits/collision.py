@@ -6,11 +6,12 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
@@ -53,12 +54,62 @@ SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
 
 
-Kept = tuple[float, int, float, float, float, float, float, float, float, float, float, float, float]
-"""Distance of a pair or a corner, pair, room, growth, normal, its moment and the nearest point of the first shape."""
-
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-_NOTHING = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 13))
+
+Numbers = tuple[float, int, float, float, float, float, float, float, float, float, float, float, float]
+DISTANCE, PAIR, ROOM, GROWTH, LINE, NORMAL, POINT = 0, 1, 2, 3, slice(4, 10), slice(4, 7), slice(10, 13)
+"""Numbers of a pair of shapes, or of a corner of a pair, in the world, and their places.
+
+Its distance, m, and the number of the pair; the distance beyond the margin, of a corner beyond that of a pair that has
+come too close, m; the speed of the distance, or what a moving obstacle adds to it, m/s; the normal from the first shape
+to the second and its moment about the origin, the line; and the nearest point of the first shape, m.
+"""
+
+
+class Near(NamedTuple):
+    """Pairs that are near and, behind them, corners of pairs: all that have rows in a tick.
+
+    Attributes:
+        rows: Row of each, shape (n,).
+        pairs: Pair of each, shape (n,).
+        numbers: Its numbers, shape (n, 13); see `Numbers`.
+    """
+
+    rows: NDArray[np.intp]
+    pairs: NDArray[np.intp]
+    numbers: Array
+
+
+NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 13)))
+
+
+_Look = tuple[int, float, Array, Array, Sequence[float], float, float]
+"""Pair whose faces look at each other: its number, distance, normal, nearest point and twist, m and m/s; the distance
+from which on a corner is late, and the one up to which corners count, m."""
+
+
+class Demand(NamedTuple):
+    """Distances up to which pairs and corners count in a tick.
+
+    Attributes:
+        within: Distance up to which pairs are measured, m.
+        reach: Distance up to which corners count, m.
+        twists: Velocities of the second bodies against the first ones, or those of the obstacles, [linear; angular] at
+            the origin of the world, shape (6, pairs), m/s and rad/s; None for none.
+        counts: Distance of each pair up to which it counts, shape (pairs,), m; None where it is `within` for all.
+        ahead: Time after which a distance counts at its present speed, s.
+        free: Distance up to which it counts then, m.
+        turning: Distance beyond the margin that a turn may take from corners, for each metre between them.
+    """
+
+    within: float
+    reach: float
+    twists: Array | None = None
+    counts: Array | None = None
+    ahead: float = 0.0
+    free: float = math.inf
+    turning: float = math.inf
 
 
 @dataclass(slots=True)
@@ -168,39 +219,15 @@ class CollisionLimit(Barrier):
         near = self._links_near_obstacles(robot)
         self._geometry = geometry = pin.GeometryModel()
         objects = self._add_shapes(robot, (*given, *(self._shapes if self._all else ()), *near))
-        grounds: dict[int, Columns] = {}  # of a shape
-        self._places: list[_Place] = []
-        for obstacle in self.obstacles:
-            body, local = geometry_of(obstacle.shape)
-            item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
-            place = _Place(obstacle, geometry.addGeometryObject(item), local)
-            if isinstance(obstacle.shape, CollisionHeights):
-                grounds[place.index] = Columns(obstacle.shape, body, place.index)
-            self._places.append(place)
-
-        def between(names: tuple[str, str]) -> list[tuple[tuple[str, str], int, int]]:
-            return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
-
-        pairs = [pair for names in self._given for pair in between(names)]
-        check_separable(robot, geometry, pairs, self._margin, self.name)
-        if self._all:
-            known = set(map(frozenset, self._given))
-            touching = pairs_that_touch(robot, geometry, objects, self._margin)
-            pairs += [pair for names in touching if frozenset(names) not in known for pair in between(names)]
-        for place in self._places:
-            first = len(pairs)
-            pairs += [((link, place.obstacle.name), i, place.index) for link in near for i in objects[link]]
-            place.pairs = slice(first, len(pairs))
-        if not pairs:
-            raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
+        grounds = self._add_obstacles()
+        pairs = self._pairs_of(robot, objects, near)
         for _, i, k in pairs:
             geometry.addCollisionPair(pin.CollisionPair(i, k))
         self._names, self._n_pairs = [names for names, _, _ in pairs], len(pairs)
         self._geometry_data = geometry.createData()
         for request in self._geometry_data.distanceRequests:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
-        items = geometry.geometryObjects
-        for item in items:
+        for item in geometry.geometryObjects:
             item.geometry.computeLocalAABB()
         self._grounds = [grounds.get(k) for _, _, k in pairs]
         self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
@@ -210,12 +237,52 @@ class CollisionLimit(Barrier):
         self._spread = self._separation.spread.tolist()
         self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
         super().bind(robot)
-        self._owners = np.arange(self.dim)  # the pair of each row
+        self._follow_bodies(robot, np.array([(i, k) for _, i, k in pairs]))
         self._corner_rows = np.arange(self._n_pairs, self.dim)
-        numbers = np.array([(i, k) for _, i, k in pairs])
+        self._near, self._growth = NOTHING, np.zeros(self.dim)  # of the last tick; growths by rows
+        self._start()
+
+    def _add_obstacles(self) -> dict[int, Columns]:
+        """Add the obstacles to the geometry; return the columns of height maps, by the number of their shape."""
+        grounds: dict[int, Columns] = {}
+        self._places: list[_Place] = []
+        for obstacle in self.obstacles:
+            body, local = geometry_of(obstacle.shape)
+            item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
+            place = _Place(obstacle, self._geometry.addGeometryObject(item), local)
+            if isinstance(obstacle.shape, CollisionHeights):
+                grounds[place.index] = Columns(obstacle.shape, body, place.index)
+            self._places.append(place)
+        return grounds
+
+    def _pairs_of(
+        self, robot: Robot, objects: dict[str, list[int]], near: list[str]
+    ) -> list[tuple[tuple[str, str], int, int]]:
+        """Return all pairs of shapes: their names and numbers; those with obstacles are of the links that are near."""
+
+        def between(names: tuple[str, str]) -> list[tuple[tuple[str, str], int, int]]:
+            return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
+
+        pairs = [pair for names in self._given for pair in between(names)]
+        check_separable(robot, self._geometry, pairs, self._margin, self.name)
+        if self._all:
+            known = set(map(frozenset, self._given))
+            touching = pairs_that_touch(robot, self._geometry, objects, self._margin)
+            pairs += [pair for names in touching if frozenset(names) not in known for pair in between(names)]
+        for place in self._places:
+            first = len(pairs)
+            pairs += [((link, place.obstacle.name), i, place.index) for link in near for i in objects[link]]
+            place.pairs = slice(first, len(pairs))
+        if not pairs:
+            raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
+        return pairs
+
+    def _follow_bodies(self, robot: Robot, pairs: Array) -> None:
+        """Prepare what the rows need of the bodies of each pair, which has numbers of shapes, shape (pairs, 2)."""
+        items = self._geometry.geometryObjects
         # Joints of each pair, and radii from the nearest points to the axes along the normal, m.
-        self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[numbers.T]
-        self._round = np.array([round_radius(item.geometry) for item in items])[numbers.T] * [[-1.0], [1.0]]
+        self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[pairs.T]
+        self._round = np.array([round_radius(item.geometry) for item in items])[pairs.T] * [[-1.0], [1.0]]
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
         carried, self._leaders = _columns(robot)
         self._moves = carried[self._ends[1]] - carried[self._ends[0]]
@@ -226,12 +293,14 @@ class CollisionLimit(Barrier):
             following([each.linear for each in data.a], 6),
             following([each.rotation for each in data.oMi], 12),
         )
-        self._near = _NOTHING  # filled rows, their pairs, and what is known of them
-        self._growth = np.zeros(self.dim)  # speeds of the distances, or of what obstacles add to them, m/s
-        pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
-        distances = np.array([self._distance_of(row) for row in range(self._n_pairs)])
+
+    def _start(self) -> None:
+        """Measure all pairs once; refuse an obstacle inside a link."""
+        robot, n = self._robot, self._n_pairs
+        pin.updateGeometryPlacements(robot.model, robot.data, self._geometry, self._geometry_data)
+        distances = np.array([self._distance_of(row) for row in range(n)])
         self._separation.distances()
-        self._separation.measured(np.arange(self._n_pairs), distances)
+        self._separation.measured(np.arange(n), distances)
         for place in self._places:
             for (link, what), distance in zip(self._names[place.pairs], distances[place.pairs], strict=True):
                 if distance <= 0.0:
@@ -298,7 +367,8 @@ class CollisionLimit(Barrier):
 
     def violation(self, row: int, size: float) -> str:
         """Return by how much the margin of a pair is violated, and which pair it is."""
-        one, other = self._names[self._owners[row]]
+        near = self._near
+        one, other = self._names[row if row < self._n_pairs else near.pairs[near.rows == row][0]]
         return f"{size:.3g} m ('{one}' and '{other}')"
 
     def _bounds(self) -> Array:
@@ -332,28 +402,27 @@ class CollisionLimit(Barrier):
 
     def drift(self) -> Array:
         """Return the accelerations of the distances; see `Barrier.drift`."""
-        return self._drift(slice(None))
+        return self._drift(self._near)
 
-    def _drift(self, chosen: Any) -> Array:
-        """Return the accelerations of the distances of some of the filled rows, shape (dim,); zero of the others.
+    def _drift(self, near: Near, chosen: Any = slice(None)) -> Array:
+        """Return the accelerations of the distances of some that are near, shape (dim,); zero in other rows.
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        drift, (rows, pairs, values) = np.zeros(self.dim), (each[chosen] for each in self._near)
+        drift, (rows, pairs, numbers) = np.zeros(self.dim), (each[chosen] for each in near)
         if n := rows.size:
             ends = self._ends.take(pairs, axis=1).ravel()  # first bodies, then second ones
             away = self._round.take(pairs, axis=1)
-            away[1] += values[:, 0]
-            twice = np.concatenate((values, values)).T
+            away[1] += numbers[:, DISTANCE]
+            twice = np.concatenate((numbers, numbers)).T
             velocities, accelerations, placements = (each.take(ends, axis=0) for each in self._bodies)
             motion, places = np.concatenate((velocities, accelerations), axis=1), placements.reshape(-1, 4, 3)
-            motion = (motion.reshape(-1, 4, 3) @ places[:, :3]).transpose(
-                1, 2, 0
-            )  # world's axes, bodies last
-            arm = away.ravel() * twice[4:7] + twice[10:] - places[:, 3].T
+            # Along the world's axes, bodies last.
+            motion = (motion.reshape(-1, 4, 3) @ places[:, :3]).transpose(1, 2, 0)
+            arm = away.ravel() * twice[NORMAL] + twice[POINT] - places[:, 3].T
             of_points = motion[::2] + cross(motion[1::2], arm[None])  # velocities, accelerations
             accelerations = of_points[1] + cross(motion[1], of_points[0])
-            along = np.add.reduce(twice[4:7] * accelerations, axis=0)
+            along = np.add.reduce(twice[NORMAL] * accelerations, axis=0)
             drift[rows] = along[n:] - along[:n]
         return drift
 
@@ -366,92 +435,113 @@ class CollisionLimit(Barrier):
         rows.fill(0.0)
         room.fill(np.inf)
         self._growth.fill(0.0)
-        self._near = _NOTHING
-        bounds, influence, margin = self._bounds(), self._influence, self._margin
-        results, facing = self._geometry_data.distanceResults, self._facing
-        twists: Array | None = None
-        counts: Array | None = None  # distance of each pair up to which its rows count, m
-        # Time after which a distance counts at its present speed, distance up to which a row does, and distance beyond
-        # the margin that a turn may take from corners in a period, for each metre between them.
-        ahead, free, turning = 0.0, np.inf, np.inf
+        bounds = self._bounds()
+        demand = self._demand(dt, of_velocity)
+        asked = (bounds <= (demand.within if demand.counts is None else demand.counts)).nonzero()[0]
+        self._near = near = self._find(demand, asked) if asked.size else NOTHING
+        if not asked.size:
+            return None
+        bent = False
+        if near.rows.size:
+            moving = self._put(near, rows, room)
+            bent = of_velocity and self._bend(near, moving, dt or 0.0)
+        return self._growth if bent or demand.twists is not None else None
+
+    def _demand(self, dt: float | None, of_velocity: bool) -> Demand:
+        """Return how near pairs count for accelerations or velocities of a period, s, or for a step, without one."""
+        influence, margin, time = self._influence, self._margin, self._time
         reach = min(influence, margin + NEAR)
         if dt is None:
-            within, asked = influence, bounds <= influence
-        elif of_velocity:
-            twists, within, asked, turning = self._beside(), reach, bounds <= reach, dt * TURNING
-        else:
-            ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
-            twists, within, reach = self._twists(), influence, influence
-            counts = np.minimum(self._time * self._separation.speeds(twists) + free, influence)
-            asked = bounds <= counts
-        chosen = asked.nonzero()[0]
-        if not chosen.size:
-            return None
-        distances = np.array([self._distance_of(row, within) for row in chosen.tolist()])
-        self._separation.measured(chosen, distances)
-        near, corners = list[Kept](), list[Kept]()
-        moving = itertools.repeat(AT_REST) if twists is None else twists.take(chosen, axis=1).T.tolist()
-        limits = itertools.repeat(within) if counts is None else counts.take(chosen).tolist()
-        for row, distance, most, (vx, vy, vz, wx, wy, wz) in zip(
-            chosen.tolist(), distances.tolist(), limits, moving, strict=False
+            return Demand(influence, reach)
+        if of_velocity:
+            return Demand(reach, reach, self._beside(), turning=dt * TURNING)
+        twists, free = self._twists(), margin + time * dt * SUDDEN
+        counts = np.minimum(time * self._separation.speeds(twists) + free, influence)
+        return Demand(influence, influence, twists, counts, time, free, time * dt * TURNED)
+
+    def _find(self, demand: Demand, asked: NDArray[np.intp]) -> Near:
+        """Measure the pairs that may be near; return those that are, and the corners of their faces."""
+        within, reach, twists, counts, ahead, free, turning = demand
+        distances = np.array([self._distance_of(row, within) for row in asked.tolist()])
+        self._separation.measured(asked, distances)
+        pairs: list[Numbers] = []
+        looks: list[_Look] = []
+        margin, results, has_corners = (
+            self._margin,
+            self._geometry_data.distanceResults,
+            self._facing.has_corners,
+        )
+        moving = itertools.repeat(AT_REST) if twists is None else twists.take(asked, axis=1).T.tolist()
+        limits = itertools.repeat(within) if counts is None else counts.take(asked).tolist()
+        for pair, distance, most, twist in zip(
+            asked.tolist(), distances.tolist(), limits, moving, strict=False
         ):
             if distance > most:
                 continue
-            found = results[row]
-            normal, point = found.normal, found.getNearestPoint1()
-            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
+            result = results[pair]
+            normal, point = result.normal, result.getNearestPoint1()
+            (nx, ny, nz), (x, y, z), (vx, vy, vz, wx, wy, wz) = normal.tolist(), point.tolist(), twist
             mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-            left = distance - margin
             if distance + ahead * growth < free:
-                near.append((distance, row, left, growth, nx, ny, nz, mx, my, mz, x, y, z))
-            if not facing.has_corners[row] or distance < -DEEP:
-                continue
-            turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
-            late = margin + turning * self._spread[row]
-            # A corner further away is slow for its distance.
-            beyond = min(late + ahead * (turn - growth), reach)
-            if distance < beyond:
-                least = min(left, 0.0)  # what has come too close may not come closer
-                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
-                    row, distance, normal, point, beyond, left < TOUCHING
-                ):
-                    growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-                    if gap + ahead * growth < late:
-                        space = gap - margin - least
-                        corners.append((gap, row, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
-        if len(corners) > self.dim - self._n_pairs:
-            corners = sorted(corners)[: self.dim - self._n_pairs]
-        bent = False
-        if near or corners:
-            moving = self._put(rows, room, np.array(near + corners), len(near))
-            bent = of_velocity and self._bend(moving, dt or 0.0)
-        return self._growth if bent or twists is not None else None
+                pairs.append((distance, pair, distance - margin, growth, nx, ny, nz, mx, my, mz, x, y, z))
+            if has_corners[pair] and distance >= -DEEP:
+                turn = self._spread[pair] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
+                late = margin + turning * self._spread[pair]
+                # A corner further away is slow for its distance.
+                beyond = min(late + ahead * (turn - growth), reach)
+                if distance < beyond:
+                    looks.append((pair, distance, normal, point, twist, late, beyond))
+        corners = self._corners(looks, ahead) if looks else []
+        if not (pairs or corners):
+            return NOTHING
+        numbers = np.array(pairs + corners)
+        owners, n = numbers[:, PAIR].astype(np.intp), len(pairs)
+        return Near(np.concatenate((owners[:n], self._corner_rows[: len(corners)])), owners, numbers)
 
-    def _put(self, rows: Array, room: Array, values: Array, n_near: int) -> Array:
-        """Fill the rows of some pairs and, behind them, of some corners, and return them.
+    def _corners(self, looks: Sequence[_Look], ahead: float) -> list[Numbers]:
+        """Return the corners of faces that look at each other and are too fast for their distance."""
+        found: list[Numbers] = []
+        margin, corners = self._margin, self._facing.corners
+        for pair, distance, normal, point, (vx, vy, vz, wx, wy, wz), late, beyond in looks:
+            left = distance - margin
+            least = min(left, 0.0)  # what has come too close may not come closer
+            for gap, nx, ny, nz, mx, my, mz, x, y, z in corners(
+                pair, distance, normal, point, beyond, left < TOUCHING
+            ):
+                growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+                if gap + ahead * growth < late:
+                    space = gap - margin - least
+                    found.append((gap, pair, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
+        most = len(self._corner_rows)
+        return sorted(found)[:most] if len(found) > most else found
+
+    def _put(self, near: Near, rows: Array, room: Array) -> Array:
+        """Fill the rows of pairs and corners, and return them.
 
         With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        pairs = values[:, 1].astype(np.intp)
-        filled = np.concatenate((pairs[:n_near], self._corner_rows[: len(pairs) - n_near]))
-        self._owners[filled], self._near = pairs, (filled, pairs, values)
-        room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
-        moving = values[:, 4:10].dot(self._robot.joint_jacobians)
+        filled, pairs, numbers = near
+        room[1, filled], self._growth[filled] = numbers[:, ROOM], numbers[:, GROWTH]
+        moving = numbers[:, LINE].dot(self._robot.joint_jacobians)
         moving *= self._moves.take(pairs, axis=0)
         rows[filled] = moving = moving if self._leaders is None else moving.dot(self._leaders)
         return np.asarray(moving)
 
-    def _bend(self, moving: Array, dt: float) -> bool:
-        """Add what the curvature of the way takes from distances in a period at the speed of the last step, if any."""
-        robot, (_, _, values) = self._robot, self._near
-        closing = moving.dot(robot.v) + values[:, 3] < -0.5 / self._time * values[:, 2] - SLOW
+    def _bend(self, near: Near, moving: Array, dt: float) -> bool:
+        """Add what the curvature of the way takes from distances in a period at the speed of the last step, if any.
+
+        `moving` are the rows of those that are near. Inverse kinematics leave no velocities of bodies in the data of
+        the robot: they are computed here.
+        """
+        robot, numbers = self._robot, near.numbers
+        closing = moving.dot(robot.v) + numbers[:, GROWTH] < -0.5 / self._time * numbers[:, ROOM] - SLOW
         chosen = closing.nonzero()[0]
         if chosen.size:
             pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
-            self._growth += 0.5 * dt * np.minimum(self._drift(chosen), 0.0)
+            self._growth += 0.5 * dt * np.minimum(self._drift(near, chosen), 0.0)
         return bool(chosen.size)
 
     def __repr__(self) -> str:
