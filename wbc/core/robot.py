@@ -186,80 +186,23 @@ class Robot:
             passive: Joints without a drive.
             closures: Closures of kinematic chains.
         """
-        if model.njoints < 2:
-            raise ModelError(f"robot '{model.name}' has no joints")
-        self.floating = is_floating(model)
-        self.base_nq, self.base_dof = (BASE_DOF + 1, BASE_DOF) if self.floating else (0, 0)
-        self.joint_numbers = tuple(driven_joints(model))
-        for number in self.joint_numbers:
-            joint = model.joints[number]
-            if joint.nv != 1 or joint.nq != 1:
-                raise ModelError(
-                    f"joint '{model.names[number]}' has {joint.nq} coordinates; joints of one coordinate are required, "
-                    "beside a free-flyer at the root"
-                )
-        kinds = [model.joints[number].shortname() for number in self.joint_numbers]
-        self.slides = np.array([kind.startswith("JointModelP") for kind in kinds])
-        self.per_rad = np.where(self.slides, LEVER, 1.0)
-        self.couplings = couplings_of(model, self.joint_numbers)
-        self.model = model
-        self.data = model.createData()
-        self.name = str(model.name)
-        self.nq, self.nv = int(model.nq), int(model.nv)
-        self.na = self.nv - self.base_dof
-        self.joint_names = tuple(driven_names(model))
-        self._frame_ids: dict[str, int] = {
-            str(frame.name): i for i, frame in reversed(list(enumerate(model.frames)))
-        }
-        self.soles = tuple(soles)
-        for sole in self.soles:
-            self.frame_id(sole.frame)
-        root = 1 if self.floating else 0
-        links = [str(f.name) for f in model.frames if f.parentJoint == root and f.type == pin.FrameType.BODY]
-        if not links:
-            raise ModelError(
-                f"robot '{model.name}' needs a frame of type BODY at its root joint '{model.names[root]}': its base "
-                "link"
-            )
-        self.base_frame = links[0]
-        self.torso_frame = torso_frame or self.base_frame
-        self.imu_frame = imu_frame or self.base_frame
+        self.model, self.name = model, str(model.name)
+        self._read_joints()
+        self._read_frames(soles, torso_frame, imu_frame, frames)
         if servos is not None and servos.joint_names != self.joint_names:
             raise InputError(
                 f"servos must be of the {self.na} joints of robot '{self.name}', in their order, got "
                 f"{shown(servos.joint_names)}"
             )
         self.servos, self.springs, self.damping = servos, springs, damping
-        self.frames: dict[str, str] = Registry("role of a frame", frames)
-        for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
-            self.frame_id(frame)
-
         self.half_sitting = self.check_configuration("half-sitting configuration", half_sitting)
         self.half_sitting.setflags(write=False)
-        self.position_lower = np.array(model.lowerPositionLimit[self.base_nq :])
-        self.position_upper = np.array(model.upperPositionLimit[self.base_nq :])
-        speed = model.upperVelocityLimit[self.base_dof :]
-        self.velocity_limit = np.where(speed == 0.0, UNLIMITED, np.minimum(speed, UNLIMITED))
-        self.torque_upper = np.minimum(model.upperEffortLimit[self.base_dof :], UNLIMITED)
-        lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
-        self.torque_lower = np.maximum(lower, -UNLIMITED)
-        self.passive = np.array(sorted(self.joint_index(name) for name in passive), dtype=np.intp)
-        self.torque_lower[self.passive] = self.torque_upper[self.passive] = 0.0
-        self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
+        self._read_limits(torque_lower, passive)
         self.closures = tuple(closures)
         for closure in self.closures:
             self.frame_id(closure.frame)
             self.frame_id(closure.other)
-        limits = self.position_lower, self.position_upper, self.velocity_limit, self.torque_limit
-        for name, lower, upper, *others in zip(self.joint_names, *(x.tolist() for x in limits), strict=True):
-            if not lower <= upper:
-                raise ModelError(
-                    f"joint '{name}' needs a lower position limit that is not above its upper one, got {lower}, {upper}"
-                )
-            if not all(limit >= 0.0 for limit in others):
-                raise ModelError(
-                    f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
-                )
+        self.data = model.createData()
         self._loads = CarriedMasses(model)
         self._carried, self._total_mass = 0, scalar(self._loads.total_mass)
         self._subtree_forces = [np.asarray(each) for each in self.data.Fcrb] if self.couplings else []
@@ -279,6 +222,76 @@ class Robot:
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
         self.update(self.q, self.v)
         self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
+
+    def _read_joints(self) -> None:
+        """Read the joints of the model: coordinates, names, kinds and couplings."""
+        model = self.model
+        if model.njoints < 2:
+            raise ModelError(f"robot '{model.name}' has no joints")
+        self.floating = is_floating(model)
+        self.base_nq, self.base_dof = (BASE_DOF + 1, BASE_DOF) if self.floating else (0, 0)
+        self.joint_numbers = tuple(driven_joints(model))
+        for number in self.joint_numbers:
+            joint = model.joints[number]
+            if joint.nv != 1 or joint.nq != 1:
+                raise ModelError(
+                    f"joint '{model.names[number]}' has {joint.nq} coordinates; joints of one coordinate are required, "
+                    "beside a free-flyer at the root"
+                )
+        kinds = [model.joints[number].shortname() for number in self.joint_numbers]
+        self.slides = np.array([kind.startswith("JointModelP") for kind in kinds])
+        self.per_rad = np.where(self.slides, LEVER, 1.0)
+        self.couplings = couplings_of(model, self.joint_numbers)
+        self.nq, self.nv = int(model.nq), int(model.nv)
+        self.na = self.nv - self.base_dof
+        self.joint_names = tuple(driven_names(model))
+
+    def _read_frames(
+        self, soles: Sequence[Sole], torso: str | None, imu: str | None, frames: Mapping[str, str] | None
+    ) -> None:
+        """Find the frames of the base, of soles, torso and IMU, and further ones; see `__init__`."""
+        model, root = self.model, 1 if self.floating else 0
+        self._frame_ids: dict[str, int] = {
+            str(frame.name): i for i, frame in reversed(list(enumerate(model.frames)))
+        }
+        self.soles = tuple(soles)
+        for sole in self.soles:
+            self.frame_id(sole.frame)
+        links = [str(f.name) for f in model.frames if f.parentJoint == root and f.type == pin.FrameType.BODY]
+        if not links:
+            raise ModelError(
+                f"robot '{model.name}' needs a frame of type BODY at its root joint '{model.names[root]}': its base "
+                "link"
+            )
+        self.base_frame = links[0]
+        self.torso_frame, self.imu_frame = torso or self.base_frame, imu or self.base_frame
+        self.frames: dict[str, str] = Registry("role of a frame", frames)
+        for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
+            self.frame_id(frame)
+
+    def _read_limits(self, torque_lower: Array | None, passive: Sequence[str]) -> None:
+        """Read the limits of the joints, and refuse those that contradict each other; see `__init__`."""
+        model = self.model
+        self.position_lower = np.array(model.lowerPositionLimit[self.base_nq :])
+        self.position_upper = np.array(model.upperPositionLimit[self.base_nq :])
+        speed = model.upperVelocityLimit[self.base_dof :]
+        self.velocity_limit = np.where(speed == 0.0, UNLIMITED, np.minimum(speed, UNLIMITED))
+        self.torque_upper = np.minimum(model.upperEffortLimit[self.base_dof :], UNLIMITED)
+        lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
+        self.torque_lower = np.maximum(lower, -UNLIMITED)
+        self.passive = np.array(sorted(self.joint_index(name) for name in passive), dtype=np.intp)
+        self.torque_lower[self.passive] = self.torque_upper[self.passive] = 0.0
+        self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
+        limits = self.position_lower, self.position_upper, self.velocity_limit, self.torque_limit
+        for name, lower, upper, *others in zip(self.joint_names, *(x.tolist() for x in limits), strict=True):
+            if not lower <= upper:
+                raise ModelError(
+                    f"joint '{name}' needs a lower position limit that is not above its upper one, got {lower}, {upper}"
+                )
+            if not all(limit >= 0.0 for limit in others):
+                raise ModelError(
+                    f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
+                )
 
     def _com_height(self) -> float:
         """Height of the CoM over the first sole in half-sitting, m; infinity without soles."""

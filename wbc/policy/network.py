@@ -70,16 +70,7 @@ class OnnxNetwork:
             raise InputError('policies need onnxruntime: pip install "wbc[policy]"') from None
         with decoding(file, "network", largest=LARGEST) as path:
             content = path.read_bytes()
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4  # what is wrong is raised
-        try:
-            self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # of classes of onnxruntime's own
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError(
-                f"{shown_path(file)} is no ONNX network that onnxruntime {onnxruntime.__version__} runs: {reason}"
-            ) from None
+        self._session = _session(onnxruntime, content, shown_path(file))
         inputs = {each.name: each for each in self._session.get_inputs()}
         outputs = {each.name: each for each in self._session.get_outputs()}
         step = inputs.pop(STEP, None)
@@ -104,6 +95,10 @@ class OnnxNetwork:
                 f"the network {shown_path(file)} has the input '{STEP}', and lacks outputs of a motion: it needs "
                 f"{', '.join(JOINTS)}, {' or '.join(PLACES)}, and {' or '.join(QUATERNIONS)}"
             )
+        self.took = self._time(shown_path(file))
+
+    def _time(self, file: str) -> float:
+        """Return the least time of three actions, s; `file` is for messages."""
         nothing, times = np.zeros(self.inputs, np.float32), []
         try:
             for _ in range(3):
@@ -111,10 +106,8 @@ class OnnxNetwork:
                 self(nothing)
                 times.append(perf_counter() - start)
         except Exception as error:  # of classes of onnxruntime's own
-            raise InputError(
-                f"the network {shown_path(file)} does not run: {str(error).splitlines()[0]}"
-            ) from None
-        self.took = min(times)
+            raise InputError(f"the network {file} does not run: {str(error).splitlines()[0]}") from None
+        return min(times)
 
     @staticmethod
     def _width(what: str, value: Any) -> int:
@@ -154,3 +147,17 @@ class OnnxNetwork:
             given[STEP] = np.array([[step]], np.float32)
         values: list[Any] = self._session.run(outputs, given)
         return values
+
+
+def _session(onnxruntime: Any, content: bytes, file: str) -> Any:
+    """Return a session of the content of a file on one thread; `file` is for messages."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # what is wrong is raised
+    try:
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of classes of onnxruntime's own
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{file} is no ONNX network that onnxruntime {onnxruntime.__version__} runs: {reason}"
+        ) from None
