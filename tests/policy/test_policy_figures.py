@@ -65,7 +65,7 @@ def test_the_clock_runs_while_any_velocity_is_asked_for(
     policy.velocity = velocity
     for _ in range(30):
         plant.step(policy.command(plant.measure()))
-    assert (np.abs(policy._clock.phase[0] - math.pi) > 0.1) == runs
+    assert (np.abs(policy.observed.phase[0] - math.pi) > 0.1) == runs
 
 
 def test_a_network_says_how_long_it_takes(tmp_path: Path) -> None:

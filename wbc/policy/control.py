@@ -37,7 +37,7 @@ from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.observation import Observation
 from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
-from wbc.policy.terms import GaitClock, Observed
+from wbc.policy.terms import STANDING, GaitClock, Observed
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
 from wbc.walking.steered import SteeredControl
@@ -168,7 +168,7 @@ class PolicyControl(SteeredControl):
         self._clock = GaitClock(description.phase, description.period)
         position, velocity, action = np.zeros((3, n))
         self.observed = Observed(
-            self.drives.observer.robot, position, velocity, action, np.zeros(3), self._clock.phase
+            self.drives.observer.robot, position, velocity, action, np.zeros(3), STANDING.copy()
         )
         self._reference(clip, ground)
         self._observation = Observation(description.observation, self.observed)
@@ -262,7 +262,7 @@ class PolicyControl(SteeredControl):
         self.contacts.reset()
         self._observation.reset()
         self.observed.action[:] = 0.0
-        self._clock.reset()
+        self.observed.phase = self._clock.tick(self.observed.phase, True)
         if self.motion is not None:
             self.motion.begin()
 
@@ -320,8 +320,8 @@ class PolicyControl(SteeredControl):
 
         The tick has failed in it where the policy has no action that can be used.
         """
+        self.acted = False
         if not self.drives.damped:
-            self.acted = False
             self._rested = self._rested + self.controller.dt if self._stands else 0.0
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
@@ -360,7 +360,8 @@ class PolicyControl(SteeredControl):
         self.observe(state)
         if self._regain:
             self._ask_for_more(state.robot)
-        self._clock.tick(not (np.abs(observed.command) >= STILL).any())
+        stands = not (np.abs(observed.command) >= STILL).any()
+        observed.phase = self._clock.tick(observed.phase, stands)
         network: Callable[..., NDArray[np.float32]] = self.network
         if observed.motion is not None:
             if isinstance(self.network, OnnxNetwork):

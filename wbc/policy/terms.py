@@ -102,26 +102,23 @@ TERMS: dict[str, Callable[[Observed], Array]] = {
 """Name → function that returns the values of the term."""
 
 
+STANDING = np.array([math.pi, math.pi])
+"""Phases of the feet of a robot that stands."""
+
+
 class GaitClock:
     """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand."""
 
     def __init__(self, period: float | None, dt: float) -> None:
         """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
         self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
-        self.phase = np.array([0.0, math.pi])
         self._stood = True
 
-    def reset(self) -> None:
-        """Begin as with a robot that stands."""
-        self.phase[:] = math.pi
-        self._stood = True
-
-    def tick(self, stands: bool) -> None:
-        """Go on by one period of the policy; `stands` is true while no velocity is asked for."""
+    def tick(self, phase: Array, stands: bool) -> Array:
+        """Return the phases one period of the policy after others; `stands` is true while no velocity is asked for."""
+        stood, self._stood = self._stood, stands
         if stands:
-            self.phase[:] = math.pi
-        elif self._stood:
-            self.phase[:] = 0.0, math.pi
-        else:
-            self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
-        self._stood = stands
+            return STANDING.copy()
+        if stood:
+            return np.array([0.0, math.pi])
+        return np.asarray(np.mod(phase + self._step + math.pi, 2.0 * math.pi) - math.pi)

@@ -29,6 +29,7 @@ from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
 from wbc.core.estimation.checks.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.refusal import few
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -170,6 +171,7 @@ class DriveControl(Control):
         controller: The controller.
         observer: Observer that estimates the state from measurements.
         sensing: Checks of measurements, observer, monitor, falls and clock.
+        record: Failed ticks, and the reaction to them.
         gate: Limits of commands.
     """
 
@@ -195,7 +197,7 @@ class DriveControl(Control):
         controller.run_by("position" if self._moves_references else "torque", observer.robot)
         robot, dt = controller.robot, controller.dt
         self.sensing = Sensing(robot, observer, dt, safety or SafetySettings())
-        self._record = FailureRecord(failure_policy or FailurePolicy(), robot.torque_limit, dt)
+        self.record = FailureRecord(failure_policy or FailurePolicy(), robot.torque_limit, dt)
         self.gate = CommandGate(robot, dt)
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(robot.na)  # of the last solution
@@ -216,12 +218,12 @@ class DriveControl(Control):
             raise InputError(
                 f"drives that share an estimate must have the same period, got {own:g} s and {period:g} s"
             )
-        self.sensing, self._record, self.gate = other.sensing, other._record, other.gate
+        self.sensing, self.record, self.gate = other.sensing, other.record, other.gate
 
     def _forget(self) -> None:
         """Forget the run so far: measurements, a fall, failures, and the last solution and command."""
         self.sensing.reset()
-        self._record.reset()
+        self.record.reset()
         self._begin()
 
     def _begin(self) -> None:
@@ -255,22 +257,22 @@ class DriveControl(Control):
     @property
     def failures(self) -> int:
         """Number of failed ticks so far."""
-        return self._record.count
+        return self.record.count
 
     @property
     def reason(self) -> str:
         """Reason of the last failure, or of the first of a row."""
-        return self._record.reason
+        return self.record.reason
 
     @property
     def failing(self) -> bool:
         """True if the last tick has failed."""
-        return self._record.failing
+        return self.record.failing
 
     @property
     def stopped(self) -> bool:
         """True after failures have gone on for too long; `reset` starts again."""
-        return self._record.stopped
+        return self.record.stopped
 
     @property
     def solution(self) -> Solution | None:
@@ -297,7 +299,7 @@ class DriveControl(Control):
         if self._balance_lost():
             parts.append("balance lost: the DCM is out of reach")
         if sensing.plausibility.faults:
-            parts.append(f"refused: {', '.join(sensing.plausibility.faults)}")
+            parts.append(f"refused: {few(sensing.plausibility.faults)}")
         if sensing.accelerometer.left_out:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
         parts += [each for each in (sensing.plausibility.pull, sensing.plausibility.stamps.pace) if each]
@@ -373,9 +375,9 @@ class DriveControl(Control):
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""
         if isinstance(error, MeasurementError):
-            self._record.add(f"measurement refused: {error}")
+            self.record.add(f"measurement refused: {error}")
         else:
-            self._record.add(f"{type(error).__name__} in the tick: {error}", error)
+            self.record.add(f"{type(error).__name__} in the tick: {error}", error)
         return state._replace(ok=False)
 
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
@@ -416,11 +418,11 @@ class DriveControl(Control):
             except Exception as error:  # of a law of the user's own
                 state = self.refuse(state, error)
             else:
-                self._record.good()
+                self.record.good()
                 return self._finish(command)
         if self._held.empty:
             return self._finish(self._hold(state))
-        return self._finish(self._held.at_rest(self.gate, self._record.damping, self.joints(state)))
+        return self._finish(self._held.at_rest(self.gate, self.record.damping, self.joints(state)))
 
     def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.
@@ -503,9 +505,9 @@ class DriveControl(Control):
             self.refuse(state, error)
             return None
         if not solution.ok or self.stopped:
-            self._record.add("failed for too long" if solution.ok else solution.status.value)
+            self.record.add("failed for too long" if solution.ok else solution.status.value)
             return None
-        self._record.good()
+        self.record.good()
         return solution
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:

@@ -24,7 +24,7 @@ from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
 from wbc.core.estimation.checks.optional import OptionalSignals
-from wbc.core.estimation.checks.refusal import Refusal, numbers_of
+from wbc.core.estimation.checks.refusal import Refusal, few, numbers_of
 from wbc.core.estimation.checks.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.signals import SIGNALS, Measurement
@@ -313,7 +313,7 @@ class Plausibility:
         news = [r for r in reasons if not 0.0 <= time - self._refused_at.get(r.sensor, -math.inf) < QUIET]
         if news:
             hint = "" if self._refused_at else f"; {HINT}"
-            logger.error("measurement at %.4f s: %s refused%s", time, ", ".join(map(str, news)), hint)
+            logger.error("measurement at %.4f s: %s refused%s", time, few(news), hint)
         self._refused_at |= {each.sensor: time for each in reasons}
 
     def _repair(
@@ -337,9 +337,7 @@ class Plausibility:
         others = np.zeros(na, dtype=bool) if others is None else others
         lasting = float(self._lasting[:needed][~np.concatenate((others, others, [False, False]))].max())
         if (last is None and bad[:needed].any()) or lasting > longest:
-            raise MeasurementError(
-                f"{', '.join(map(str, self.reasons[:4]))} refused for {lasting:.3f} s; {HINT}"
-            )
+            raise MeasurementError(f"{few(self.reasons)} refused for {lasting:.3f} s; {HINT}")
         lost = last is None or bool((self._lasting[needed:] > longest).any())
         self._values = repaired = self._predicted(values, bad, dt, others)
         parts = np.split(repaired, [na, 2 * na, 2 * na + 3, 2 * na + 6])

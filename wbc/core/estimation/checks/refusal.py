@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,9 @@ import numpy as np
 from wbc.base.errors import MeasurementError, shown
 from wbc.base.numbers import Array
 from wbc.core.signals import Measurement
+
+TOLD = 4
+"""Number of sensors that a message names."""
 
 
 class Refusal(NamedTuple):
@@ -39,6 +43,12 @@ class Refusal(NamedTuple):
         said = f"{self.value:.5g} {self.unit}" if math.isfinite(self.value) else "no number"
         when = " so soon after the last reading" if self.jump else ""
         return f"{self.sensor} ({said}, must lie in [{self.low:.4g}, {self.high:.4g}] {self.unit}{when})"
+
+
+def few(texts: Sequence[object]) -> str:
+    """Return some texts as one, the first `TOLD` and the number of the others."""
+    more = [f"{len(texts) - TOLD} more"] if len(texts) > TOLD else []
+    return ", ".join([*map(str, texts[:TOLD]), *more])
 
 
 def numbers_of(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
