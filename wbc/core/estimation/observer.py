@@ -27,7 +27,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
-from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
+from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned_all
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.foot import STILL, FootEstimate, FootMotion, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
@@ -41,6 +41,9 @@ from wbc.core.signals import SIGNALS, Measurement
 
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
+
+Soles = Sequence[pin.SE3 | None]
+"""Placements of the soles in the world; None for one that is not known."""
 
 ORIGIN = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
 """Configuration of a base at the origin."""
@@ -223,7 +226,7 @@ class Observer:
     def update(
         self,
         measurement: Measurement,
-        soles: Sequence[pin.SE3 | None] | None = None,
+        soles: Soles | None = None,
         *,
         plausible: bool = False,
     ) -> Robot:
@@ -269,9 +272,11 @@ class Observer:
         reach = turned_all(base, [motion.point for motion in motions])
         self._sink(reach, loads, dt)
         if soles is not None:
-            self._follow(soles, motions, rest.shares, base, dt)
+            arms = turned_all(base, [motion.arm for motion in motions])
+            self._follow(soles, arms, rest.shares, dt)
         self._position = place = self._place(reach, rest.shares, velocity, dt)
-        self._settle(reach, motions, rest.shares, base, place, dt)
+        yaws = [yaw_of(axis) for axis in turned_all(base, [motion.axis for motion in motions])]
+        self._settle(reach, yaws, rest.shares, place, dt)
         pose, linear, angular = self._base
         pose[:] = *place, *quaternion(base)
         np.dot(velocity, turn, out=linear)
@@ -392,19 +397,15 @@ class Observer:
         heights = [height - foot.rolled for (_, _, height), foot in zip(reach, self._feet, strict=True)]
         self.sinking.update(loads, heights, dt, carry=all(shares))
 
-    def _follow(
-        self,
-        soles: Sequence[pin.SE3 | None],
-        motions: Sequence[FootMotion],
-        shares: Sequence[float],
-        base: Rotation,
-        dt: float,
-    ) -> None:
-        """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
+    def _follow(self, soles: Soles, arms: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
+        """Draw the anchors of feet that rest to the placements of the soles in the controller's model.
+
+        `arms` are the vectors from the soles to the CoPs, in the world, m.
+        """
         gain = lag_gain(dt, self.settings.reference_time_constant)
-        for share, foot, motion, sole in zip(shares, self._feet, motions, soles, strict=True):
+        for share, foot, (u, v, w), sole in zip(shares, self._feet, arms, soles, strict=True):
             if sole is not None and share != 0.0:
-                (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)
+                x, y, z = sole.translation.tolist()
                 foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)
 
     def _place(self, reach: Sequence[Vector], shares: Sequence[float], velocity: Array, dt: float) -> Vector:
@@ -421,19 +422,17 @@ class Observer:
     def _settle(
         self,
         reach: Sequence[Vector],
-        motions: Sequence[FootMotion],
+        yaws: Sequence[float],
         shares: Sequence[float],
-        base: Rotation,
         place: Vector,
         dt: float,
     ) -> None:
-        """Let anchors whose distance changes settle, and those of feet without a share follow the base.
+        """Let anchors whose distance changes settle, and those of feet without a share follow the base at its place.
 
-        Equal gains leave the common position and yaw of the anchors unchanged.
+        Equal gains leave the common position and yaw of the anchors unchanged; `yaws` are those of the feet by the
+        base, rad.
         """
-        feet, (x, y, z) = self._feet, place
-        yaws = [yaw_of(axis) for axis in turned_all(base, [motion.axis for motion in motions])]
-        common = 0.0
+        feet, (x, y, z), common = self._feet, place, 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):
             common += share * wrapped(foot.yaw - yaw)
         slip = lag_gain(dt, self.settings.slip_time_constant)
