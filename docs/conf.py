@@ -144,10 +144,18 @@ def rooms() -> tuple[ModuleType, ...]:
 
 def _documented(kind: type) -> Iterator[str]:
     """Names of the bases of a class whose members stand elsewhere: public ones, and those of other libraries."""
-    public = {name for room in (wbc, *rooms()) for name in room.__all__}
     for base in kind.__mro__[1:]:
-        if base.__name__ in public or not base.__module__.startswith("wbc."):
+        if public(base) or not base.__module__.startswith("wbc."):
             yield base.__name__
+
+
+def public(kind: type) -> bool:
+    """Return True for a class of the library that has an entry in the reference."""
+    return any(kind is getattr(room, name, None) for room in (wbc, *rooms()) for name in room.__all__)
+
+
+told: set[str] = set()
+"""Names of classes whose bases have been told."""
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -158,6 +166,9 @@ def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
         )  # Google sections would take what is in front of it for a type
     if any(line.startswith("Create new instance of") for line in lines):
         del lines[next(k for k, line in enumerate(lines) if line.startswith("Create new instance of")) :]
+    if inspect.isclass(obj) and name not in told and (bases := [*filter(public, obj.__mro__[1:])]):
+        told.add(name)  # the docstring of the constructor comes after that of the class
+        lines += ["", f"It also has the members of {' and '.join(f'`{base.__name__}`' for base in bases)}."]
     out: list[str] = []
     section = block = False
     for before, line in zip(["", *lines], lines, strict=False):
@@ -221,8 +232,11 @@ def name_types(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
     """Write types of arrays by their names in signatures, in place of the many types that they stand for."""
-    return tuple(text and as_names(_short_arrays(text)) for text in (signature, result))
+    return tuple(text and MADE.sub(r"\1()", as_names(_short_arrays(text))) for text in (signature, result))
 
+
+MADE = re.compile(r"\b([A-Z]\w+)\(\w+=(?:[^()]|\([^()]*\))*\)")
+"""Object as a default, whose values the entry of its class has."""
 
 INDICES = re.compile(
     r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)\]\]"

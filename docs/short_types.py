@@ -31,6 +31,9 @@ RULES = {
 
 BOUND = re.compile(rf"\b({'|'.join(RULES)})=([^,)\]]+)")
 
+ALIAS = re.compile(r"(?<=[:|\[,>] )[A-Z]\w+(?=[ ,)\]|]|$)|(?<=\[)[A-Z]\w+(?=[,\]])")
+"""Name of a type without arguments in a signature."""
+
 SHORT = re.compile(r"(.*?) \((.*)\)")
 
 
@@ -121,7 +124,8 @@ def named() -> dict[str, str]:
 
 def as_names(signature: str) -> str:
     """Return a signature with each annotated type short, and as one name; `shorten` writes it out again."""
-    return _replaced(signature.replace("<factory>", "..."), named(), LETTERS)
+    text, table = _replaced(signature.replace("<factory>", "..."), named(), LETTERS), str.maketrans(LETTERS)
+    return ALIAS.sub(lambda found: named().get(found[0], found[0]).translate(table), text)
 
 
 def shorten(app: Sphinx, doctree: nodes.document) -> None:

@@ -182,7 +182,7 @@ class RobotDescription:
             source: URDF, a path or the XML itself.
             left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `Sole` also gives the
                 rectangle. With None for both soles the robot has no feet; it is then for a `Controller` of your own.
-            right_sole: Same for the right foot.
+            right_sole: Same for the right foot; both soles are given, or none.
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; taken from the geometry of the feet when None.
             package_dirs: Folders for `package://` in the URDF.
@@ -245,7 +245,7 @@ class RobotDescription:
         Args:
             source: MJCF, a path or the XML itself, an `mujoco.MjSpec` (not changed) or a compiled `mujoco.MjModel`.
             left_sole: Body, site or geom of the left foot, or a `Sole`; the ends of the lowest limbs when None.
-            right_sole: Same for the right foot.
+            right_sole: Same for the right foot; both soles are given, or none.
             name: As in `from_urdf`.
             sole_size: Length and width of both soles, m; taken from the geoms that can touch the ground when None.
             feet: False for a robot without feet, such as an arm or a quadruped; it is then for a `Controller` of your

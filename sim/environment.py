@@ -106,7 +106,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             seconds: Length of an episode, s.
             robot: Name of the robot, or its description.
             render_mode: "rgb_array" lets `render` return pictures; None draws nothing.
-            **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode.
+            **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode; not seed,
+                plan and pushes, which the environment sets.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(
@@ -244,7 +245,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             )
 
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Let an action hold for a period; see the class for actions, observations and rewards.
+        """Let an action, shape (3,) or (4,), hold for a period; see the class for actions, observations and rewards.
 
         Raises:
             InputError: The environment has not been reset since its last episode has ended.

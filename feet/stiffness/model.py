@@ -177,7 +177,7 @@ class StiffnessModel:
         stiffness: Best stiffness of each, Nm/rad, shape (n,).
         mean: Mean of each feature, shape (f,).
         scale: Standard deviation of each feature, shape (f,); 1 for a feature that does not vary.
-        reach: Largest distance to the nearest neighbour at which a profile counts as familiar.
+        reach: Largest distance to the nearest neighbour at which a profile counts as familiar, in scaled features.
         made: Provenance of the training profiles, as plain values.
     """
 

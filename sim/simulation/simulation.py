@@ -130,7 +130,7 @@ class Simulation(ABC):
         seed: Seed,
         machine: Machine,
     ) -> None:
-        """Connect sensors, delays and pushes; `signals` are the true signals of all sensors."""
+        """Connect sensors, delays and pushes; `signals` are the true ones of all sensors, and both times are in s."""
         self.description, self.robot = description, robot
         self.control_period, self.timestep = float(control_period), float(timestep)
         self.steps = steps_per_tick(control_period, timestep)

@@ -177,7 +177,7 @@ class Study:
             cells: Names of cells, or beginnings of names; a whole name stands only for its own cell. All when none is
                 given.
             arms: Names of arms; all when none is given.
-            seeds: Number of seeds, of which the first ones are taken; all when None.
+            seeds: Number of seeds, at most those of the study, of which the first ones are taken; all when None.
         """
         names, columns, rows = [cell.name for cell in self.cells], tuple(arms), set[str]()
         for given in cells:

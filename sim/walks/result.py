@@ -110,7 +110,7 @@ class WalkResult(TrialResult):
     soles slip are true.
 
     Attributes:
-        foot: Name.
+        foot: Name of the foot.
         sole_stiffness: Stiffness of the sole hinges at the start, Nm/rad; None for rigid soles.
         policy: Stiffness policy of variable soles; None for others.
         terrain: Family of the ground.
@@ -123,9 +123,9 @@ class WalkResult(TrialResult):
         steps_planned: Number of steps of the plan.
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
         J: Objective of the paper's optimisation, see `objective`.
-        fell: True if it fell.
+        fell: True if the robot fell.
         fall_reason: height, tilt, down or solver; None if it did not fall.
-        fall: The fall; None if it did not fall.
+        fall: Time, place and cause of the fall; None if it did not fall.
         diverged: Reason why the simulation has diverged; None while it has not.
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
@@ -133,12 +133,12 @@ class WalkResult(TrialResult):
         yaw_error: Heading of the pelvis minus that of the reference, rad.
         goal_error: Distance of the middle of the feet from that of the plan's last stand, m; None for a driven walk.
         track_error: Greatest distance of that middle from the planned track, m; None for a driven walk.
-        zmp_error: m.
-        com_error: m; of the stabilizer's CoM, less the bias that it has estimated.
-        dcm_error: m; of the DCM, less its bias.
-        dcm_error_max: m.
+        zmp_error: Error of the ZMP, m.
+        com_error: Error of the stabilizer's CoM, less the bias that it has estimated, m.
+        dcm_error: Error of the DCM, less its bias, m.
+        dcm_error_max: Largest error of the DCM, m.
         peak_torque_ratio: Greatest joint torque over its limit in its direction, at the ends of the control periods.
-        peak_torque_joint: Joint of that torque.
+        peak_torque_joint: Joint of the greatest ratio.
         cost_of_transport: Mechanical work of the joints, ∑ |τ q̇| over control periods, over weight and distance
             between start and end; None for a robot that is less than 0.05 m from its start.
         energy: Mechanical work of the joints, of which the cost of transport is made.
@@ -152,7 +152,7 @@ class WalkResult(TrialResult):
         impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over
             the robot's weight; None without a touch-down. Forces are means over a control period.
         sole_roll: |roll| of the stance sole in single support, mean and standard deviation, rad.
-        sole_pitch: |pitch| likewise, rad.
+        sole_pitch: |pitch| of the stance sole in single support, rad.
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².
         stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
             its features and its time before the landing, error of the scanned profile (`StepStiffness`,

@@ -210,7 +210,7 @@ class ComplianceTask(FrameTask):
         return self._target_rates
 
     def observe(self, measurement: Measurement, dt: float) -> None:
-        """Yield for one control period; if the frame is a sole, read its wrench from the measurement first.
+        """Yield for one control period dt, s; if the frame is a sole, read its wrench from the measurement first.
 
         Raises:
             MeasurementError: The wrench contains NaN or infinity; the task does not change.
@@ -223,7 +223,7 @@ class ComplianceTask(FrameTask):
         self._advance(dt)
 
     def unobserved(self, dt: float) -> None:
-        """Yield to the assigned `measured_wrench` for one control period.
+        """Yield to the assigned `measured_wrench` for one control period dt, s.
 
         A task on a sole is refused, since its wrench comes from the measurement.
         """

@@ -179,8 +179,8 @@ class Robot:
             imu_frame: The root when None.
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
-            springs: Stiffness and rest position of springs.
-            damping: Viscous damping of the joints.
+            springs: Stiffness, Nm/rad, and rest position, rad, of springs, each of shape (na,).
+            damping: Viscous damping of the joints, shape (na,), Nms/rad.
             torque_lower: Smallest joint torques, shape (na,), Nm (or N); the negative torque limits of the model when
                 None.
             passive: Joints without a drive.
@@ -324,7 +324,7 @@ class Robot:
         """Set the point mass that a frame carries, for this robot and all its clones, from the next update on.
 
         Args:
-            frame: Frame of a link.
+            frame: Frame of a link that moves.
             mass: Mass, kg; zero removes the load.
             point: Position of the mass in the frame, shape (3,), m.
         """
@@ -410,8 +410,8 @@ class Robot:
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute only frames, the centre of mass, their velocities and the centroidal momentum (`data.hg`).
 
-        It takes half the time of `update`, and they equal its up to rounding. Mass matrix, bias, accelerations and
-        Jacobians stay as they are.
+        The arguments are those of `update`. It takes half the time, and the results are equal up to rounding. Mass
+        matrix, bias, accelerations and Jacobians stay as they are.
         """
         self._take(q, v)
         self._take_loads()
@@ -509,7 +509,7 @@ class Robot:
     def check_range(
         self, what: str, joints: Sequence[int] | NDArray[np.intp], positions: Array, beyond: float = BEYOND
     ) -> None:
-        """Refuse positions, rad or m, outside the ranges of joints, which are given by their indices, 0 to na − 1.
+        """Refuse positions, shape (n,), rad or m, outside the ranges of n joints, given by indices from 0 to na − 1.
 
         A range is wider than the limits by `beyond`, rad (of a sliding joint by what counts as much), because stops
         yield and a robot may hold the position in which it is.

@@ -158,7 +158,7 @@ class Command:
         return replace(self, **others) if others else self
 
     def gains(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return kp and kd of the servos, each (na,): those of the command, the machine's own where it brings none."""
+        """Return kp and kd of the servos, each of shape (na,): those of the command, else the machine's own."""
         return own[0] if self.kp is None else self.kp, own[1] if self.kd is None else self.kd
 
     def drive_torque(self, position: Array, velocity: Array, own: tuple[Array, Array]) -> Array:

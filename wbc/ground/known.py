@@ -144,7 +144,8 @@ class KnownGround:
         """Take a cloud, which is fused in the next tick, or a map, which replaces the last map.
 
         Args:
-            seen: Cloud or map. It is not used if it is too old or in an unknown frame; `status` then has the reason.
+            seen: Cloud, or map that is larger than a sole. It is not used if it is too old or in an unknown frame;
+                `status` then has the reason.
         """
         if isinstance(seen, PointCloud):
             self._clouds += 1
@@ -223,8 +224,8 @@ class KnownGround:
 
         Args:
             side: Sole, 0 left, 1 right.
-            start: Place in the world at the start, x and y (and z), m.
-            end: Place at the end.
+            start: Place in the world at the start, shape (2,) or (3,), m.
+            end: Place at the end, shape (2,) or (3,), m.
             yaw: Heading of the sole, rad.
         """
         if "stance" in self.doubts:
@@ -259,7 +260,7 @@ class KnownGround:
         return np.asarray(pin.interpolate(self._model, self._poses[before], self._poses[after], share))
 
     def at(self, places: Places) -> tuple[Array, Array]:
-        """Return heights, NaN where unknown, and standard deviations, m, at places x + iy, m."""
+        """Return heights, NaN where unknown, and standard deviations, m, in the shape of the places x + iy, m."""
         z, std = self.map.at(places)
         unknown = np.isnan(z)
         std[unknown] = 0.0

@@ -28,7 +28,7 @@ class FootContacts:
     """
 
     def __init__(self, robot: Robot, dt: float) -> None:
-        """Begin with feet that have stood for long; an `InputError` for a robot without two feet."""
+        """Begin with feet that have stood for long, with a period dt, s; an `InputError` without two feet."""
         robot.needs_feet("a record of contacts")
         self._dt, self._least = dt, CARRIES * robot.mass * GRAVITY
         self.reset()

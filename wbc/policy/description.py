@@ -97,7 +97,7 @@ class PolicyDescription:
         kp: Stiffness of the servos, Nm/rad.
         kd: Damping of the servos, Nms/rad.
         action_scale: Angle of an action of one, one for all joints or one for each, rad.
-        action_clip: Largest magnitude of an action.
+        action_clip: Largest magnitude of an action, before its scale.
         observation: Terms of the observation, in order.
         period: Time between two actions, s.
         phase: Period of the gait's clock, which terms of the phase show, s; None for a policy without one.

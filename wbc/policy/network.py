@@ -133,7 +133,8 @@ class OnnxNetwork:
     def frame(self, step: int, body: int = 0) -> tuple[Array, Array, Array, Array]:
         """Return a frame of the motion in the network, by its number.
 
-        The parts are joint positions, rad, and velocities, rad/s, place, m, and quaternion (x, y, z, w) of a body.
+        The parts are positions, rad, and velocities, rad/s, of the joints, shape (joints,) each; place in the world,
+        shape (3,), m, and quaternion x, y, z, w, shape (4,), of a body.
         """
         parts = self._run(self._frame, np.zeros(self.inputs, np.float32), step)
         position, velocity, place, quaternion = (np.array(part[0], dtype=float) for part in parts)

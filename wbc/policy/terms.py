@@ -41,11 +41,11 @@ class Observed:
 
     Attributes:
         robot: The estimated robot.
-        position: Joint positions minus those of the default posture, in the policy's order, rad.
-        velocity: Joint velocities in the policy's order, rad/s.
-        action: Last action.
-        command: Velocity that is asked for: ahead, aside, m/s, and turn, rad/s.
-        phase: Phases of the left and the right foot, from −π to π.
+        position: Joint positions minus those of the default posture, in the policy's order, shape (joints,), rad.
+        velocity: Joint velocities in the policy's order, shape (joints,), rad/s.
+        action: Last action, shape (joints,).
+        command: Velocity that is asked for: ahead, aside, m/s, and turn, rad/s, shape (3,).
+        phase: Phases of the left and the right foot, from −π to π, shape (2,), rad.
         motion: Motion that the policy tracks; None without one.
         ground: Ground about the robot; None for a blind policy.
     """

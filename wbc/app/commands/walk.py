@@ -93,7 +93,7 @@ class WalkOptions:
 def walk(
     given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, live: LiveDrive, output: Output
 ) -> Report:
-    """Walk in the simulator, and report how far the robot came, how well, and how it ended: by a fall, or by Ctrl-C."""
+    """Walk in the simulator, by default 3 m over stones, and report how far the robot came and how the walk ended."""
     if options.repeat is not None and (
         given or options != WalkOptions(repeat=options.repeat, record=options.record, code=options.code)
     ):

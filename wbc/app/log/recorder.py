@@ -62,7 +62,7 @@ class Recorder(TrialHook):
         self._model: Robot | None = None  # of a controller of one's own
 
     def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
-        """Add a signal.
+        """Add a signal, before the first tick is recorded.
 
         Args:
             name: Parts separated by "/".

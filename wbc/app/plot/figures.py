@@ -67,7 +67,7 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
     """Draw one of the figures of `FIGURES` from one or several logs.
 
     Args:
-        name: One of `FIGURES`.
+        name: One of `FIGURES`, for which each log must have the signals.
         logs: One or several logs, which are drawn side by side or in the same axes.
     """
     choose("figure", name, FIGURES)

@@ -53,7 +53,7 @@ def convert_log(
     """Write a log as an RRD file for Rerun, or as an MCAP file for Foxglove.
 
     Args:
-        log: The log.
+        log: The log, with one tick at least.
         path: File to write, .rrd or .mcap.
         rate: Pictures of the scene per second of the run, Hz; signals keep their own rate.
         progress: Wrapper that shows the progress, as for `render_video`.

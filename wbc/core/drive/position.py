@@ -56,7 +56,8 @@ class PositionControl(DriveControl):
         Args:
             controller: The controller. With open feedback its robot becomes the commanded robot, which starts from its
                 present state.
-            observer: Observer of the same robot model; a new one when None.
+            observer: Observer of the same robot model; a new one when None. With open feedback its robot is another one
+                than the controller's.
             failure_policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
             feedforward: Add the torques of the solution to the commands, so that the servos do not sag under the weight

@@ -110,8 +110,8 @@ class HybridControl(TorqueControl):
             controller: The controller.
             observer: Observer of the same robot model, as in torque control; a new one when None.
             failure_policy: Reaction to failures.
-            kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description; if
-                that was derived and not given, a softer share of it (`Servos.soft`).
+            kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description, which
+                must then have one; if that was derived and not given, a softer share of it (`Servos.soft`).
             kd: Damping in the commands, shape (na,), Nms/rad; chosen in the same way when None.
             reference_time: Time constant with which the position references converge to the estimated positions, s;
                 with 0 they start from the estimate at every tick.

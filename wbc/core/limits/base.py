@@ -78,7 +78,7 @@ class Limit(ABC):
         return f"{size:.3g} {self.step_unit}".rstrip()
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill rows and bounds of the velocity for inverse kinematics with a period dt, s; by default, from a step."""
+        """Fill rows and bounds of the velocity, as `write`, for inverse kinematics; by default, from a step."""
         self.write_step(rows, lower, upper)
         lower /= dt
         upper /= dt
@@ -132,15 +132,12 @@ class Barrier(Limit):
         Args:
             rows: Velocity of the coordinates per generalised velocity, to fill, shape (dim, nv); see `write`.
             below: Coordinate less its lower bound, to fill, shape (dim,): negative outside, inf where there is none.
-            above: Upper bound less the coordinate, to fill in the same way.
+            above: Upper bound less the coordinate, to fill in the same way, shape (dim,).
         """
 
     @abstractmethod
     def drift(self) -> Array | None:
-        """Return the accelerations of the coordinates at no generalised acceleration; `measure` was called before.
-
-        None says that there are none.
-        """
+        """Return the accelerations at no generalised acceleration, shape (dim,), after `measure`; None for zero."""
 
     def _take_period(self, dt: float) -> None:
         """Make arrays for a new period, s; those without axes take NumPy half the time of numbers."""

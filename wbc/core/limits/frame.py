@@ -224,7 +224,7 @@ class AxisConeLimit(FrameLimit):
     ) -> None:
         """Describe the limit.
 
-        `angle` is half the opening of the cone, rad. `axis` and `direction` have shape (3,) and any length.
+        `angle` is half the opening of the cone, rad, below π. `axis` and `direction` have shape (3,) and any length.
         """
         super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:

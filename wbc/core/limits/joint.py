@@ -253,7 +253,7 @@ class JointLimits(Barrier):
         lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the velocity interval of every joint, rad/s, in less time where all are inside of their bounds."""
+        """Fill the velocity interval of every joint, rad/s; see `Limit.write_velocity`."""
         if self._stop is None and dt == self._dt and rows is self._rows:
             np.subtract(self._high, self._positions, out=upper)
             np.subtract(self._low, self._positions, out=lower)
@@ -311,7 +311,7 @@ class TorqueLimits(Limit):
             self._most_rate = one_or_each("rate of torque limits", self._rate, robot.na)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""
+        """Fill the torque interval of every joint, Nm; the rows are those of the QP, and stay; see `Limit.write`."""
         lower[:], upper[:] = self.interval(dt, None)
 
     def interval(self, dt: float, previous: Array | None) -> tuple[Array, Array]:

@@ -108,7 +108,7 @@ class LoopClosure(Contact):
 
         Args:
             frame: Frame on one side of the place where the chain closes.
-            other: Frame on the other side, at the same place, and with the same axes if `rotation`.
+            other: Another frame, on the other side, at the same place, and with the same axes if `rotation`.
             rotation: False if only the points stay together, as in a ball joint or at the end of a rod.
             name: Name; the names of the two frames when None.
             **options: See `ContactOptions`; those of the normal force have no effect.

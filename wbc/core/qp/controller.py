@@ -222,8 +222,8 @@ class Controller(Items):
 
         Args:
             solution: Solution of this tick.
-            wrenches: Name of a contact → wrench that replaces that of the solution, in the contact frame, N and Nm;
-                None for none.
+            wrenches: Name of a contact → wrench that replaces that of the solution, in the contact frame,
+                shape (dim,), N and Nm; None for none.
         """
         before, differed = self._before
         if not (wrenches or differed):

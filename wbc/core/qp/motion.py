@@ -144,7 +144,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         drift[:] = self.drift()
 
     def measure(self, jacobian: Array, error: Array) -> None:
-        """Fill Jacobian and error; with `drift` in place of `evaluate`, which spares inverse kinematics the drift."""
+        """Fill Jacobian, shape (rows, nv), and error, shape (rows,); with `drift` it stands for `evaluate`."""
         raise NotImplementedError
 
     def drift(self) -> Array:

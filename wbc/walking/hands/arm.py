@@ -87,7 +87,7 @@ class Arm:
     def __init__(
         self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: TargetFrames
     ) -> None:
-        """Leave the arm to the posture."""
+        """Leave the arm to the posture; dt is the control period, s."""
         self._controller, self._robot, self._dt, self._settings = controller, controller.robot, dt, settings
         robot, self._frames = controller.robot, frames
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]

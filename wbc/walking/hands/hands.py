@@ -144,8 +144,8 @@ class Hands:
         Args:
             hand: Role of the hand.
             ahead: Ratio of that way forward to the length of the stretched arm with its hand.
-            below: The same downwards.
-            outward: The same away from the trunk.
+            below: Ratio of the way downwards to that length.
+            outward: Ratio of the way from the trunk outwards to that length.
         """
         each, robot = self.all[choose("hand", hand, self.all)], self._robot
         trunk, shoulder = robot.placement(robot.base_frame), each.arm.shoulder
@@ -286,7 +286,7 @@ class Hands:
     # ---- in a tick ------------------------------------------------------------------------------------------------
 
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
-        """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
+        """Advance all hands by dt, s; return the filtered wrench on them at the world origin, shape (6,), or None."""
         self._measurement = measurement
         if not (self.wanted or self.active):
             return None
@@ -358,7 +358,7 @@ class Hands:
         return pendulum.moved(*(np.append(x, 0.0) for x in (shift.value, shift.velocity, shift.acceleration)))
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
-        """Share a moment (about horizontal axes through the ZMP, Nm) that the feet lack among the hands that press."""
+        """Share a moment that the feet lack, about the x and y axes through the ZMP, Nm, among the hands that press."""
         pressing = [hand for hand in self.all.values() if hand.helps]
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0

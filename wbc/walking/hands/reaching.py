@@ -47,7 +47,7 @@ class Arms:
     """
 
     def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
-        """Leave the arms to the posture of the tasks; no task is added before a hand is given a target."""
+        """Leave the arms to the posture; no task is added before a hand is given a target; dt is the period, s."""
         self.settings, self._controller, self._dt, self._tasks = settings, controller, dt, tasks
         robot, self._frames = controller.robot, TargetFrames(controller)
         self.all: Mapping[str, Arm] = MappingProxyType(

@@ -35,7 +35,7 @@ def walk_distance(
 
     Args:
         start: Feet and gait at the start, or a plan that the new steps extend.
-        distance: Displacement of the feet, m; negative for backwards.
+        distance: Displacement of the feet, m; not zero, and negative for backwards.
         first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
     if abs(distance) < 1e-6:
@@ -56,7 +56,8 @@ def walk_velocity(
 
     Args:
         start: Feet and gait at the start, or a plan that the new steps extend.
-        velocity: Velocity of the robot, shape (3,): forward (m/s), to the left (m/s) and turn (rad/s).
+        velocity: Velocity of the robot, shape (3,): forward (m/s), to the left (m/s) and turn (rad/s). A step turns by
+            less than a quarter turn.
         steps: Number of steps before the last one, which brings the feet side by side.
         first: Side that steps first; the side of the motion when None.
     """
@@ -84,7 +85,7 @@ def turn_in_place(
 
     Args:
         start: Feet and gait at the start, or a plan that the new steps extend.
-        angle: Angle of the turn, rad; positive to the left.
+        angle: Angle of the turn, rad; not zero, and positive to the left.
         per_step: Largest turn from one foot to the other, rad.
         ahead: Distance of the point in front of the middle of the feet, m. The robot walks around the point and faces
             it: one foot steps aside and turns, the other foot follows.
@@ -191,10 +192,10 @@ def climb_stairs(
 
     Args:
         start: Feet and gait at the start, or a plan that the new steps extend.
-        rise: Height of a stair, m.
+        rise: Height of a stair, m; not zero.
         tread: Depth of a stair, m.
         count: Number of stairs.
-        first_edge: Distance from the middle of the feet to the first edge, m.
+        first_edge: Distance from the middle of the feet to the first edge, m; at least half a tread.
         together: Bring both feet onto each stair; with False one foot onto each stair.
         first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
