@@ -6,10 +6,12 @@ Where to start, in the order of the data:
 - `registry` and `files`: robots by name, and robots from a file of your own and its TOML.
 - `mechanism`: links, joints and shapes, and the Pinocchio model of them. `urdf` makes it of the records of a
   URDF, which `tidying` settles, and `readers/mechanism_mjcf` of MuJoCo's compiled arrays.
-- `readers/`: an MJCF compiled by MuJoCo: tree, drives, feet, and the forces that the controller does not know.
+- `readers/`: `robot_urdf` and `robot_mjcf` read a robot, the latter from an MJCF compiled by MuJoCo: tree, drives,
+  feet, and the forces that the controller does not know.
 - `write_urdf`: the robot as a URDF for other engines; the plant builds its own MuJoCo model of a mechanism.
 - `mesh_files`: meshes of a robot, where they are and their vertices.
-- `derivation/`: values that a file does not have; `complete` has the order, `defaults` the rules.
+- `derivation/`: values that a file does not have; `complete` has the order, `defaults` the rules, `soles` where a
+  robot touches the ground, `posture` its half-sitting (`legs`, `chains`), `servo` its gains.
 - `report`: facts and doubtful values of a description.
 
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.

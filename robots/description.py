@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from itertools import repeat
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Unpack
@@ -18,21 +18,19 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_scalar
-from wbc.base.settings import Positive
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.model import Closure, Coupling, driven_names, is_floating, joints_to
 from wbc.core.robot import Robot
-from wbc.robots import frames, tidying, urdf, write_urdf
+from wbc.robots import frames, write_urdf
 from wbc.robots.derivation import link_shapes, posture
-from wbc.robots.derivation.complete import Notes, Read, complete
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
-from wbc.robots.derivation.soles import from_geometry
 from wbc.robots.mechanism import Mechanism, unlimited
-from wbc.robots.mesh_files import mesh_folders
 from wbc.robots.options import DescriptionOptions
+from wbc.robots.readers import robot_urdf
 from wbc.robots.report import doubts, facts, report
 
 Base = Literal["floating", "fixed"]
@@ -85,14 +83,14 @@ class RobotDescription:
     mechanism: Mechanism
     soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
-    armature: Mapping[str, float]
+    armature: Annotated[Mapping[str, NonNegative], "kg m²"]
     imu: FrameDescription
     torso: str
     hands: Mapping[str, str] = field(default_factory=dict)
     servo: ServoRule = field(default_factory=ServoRule)
-    gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    damping: Mapping[str, float] = field(default_factory=dict)
-    frictionloss: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, tuple[NonNegative, NonNegative]] = field(default_factory=dict)
+    damping: Annotated[Mapping[str, NonNegative], "Nms/rad"] = field(default_factory=dict)
+    frictionloss: Annotated[Mapping[str, NonNegative], "Nm"] = field(default_factory=dict)
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     passive: tuple[str, ...] = ()
@@ -108,7 +106,6 @@ class RobotDescription:
     doubtful: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "soles", tuple(self.soles))
         for item in fields(self):
             if isinstance(value := getattr(self, item.name), Mapping):
                 object.__setattr__(self, item.name, MappingProxyType(dict(value)))
@@ -125,32 +122,15 @@ class RobotDescription:
             missing = [name for name in names if name not in given]
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
-        self._check_values()
-        for name in (*self.springs, *self.passive):
+        by_joint = self.half_sitting, self.armature, self.gains, self.damping, self.frictionloss, self.springs
+        for name in (*itertools.chain.from_iterable(by_joint), *self.passive):
             choose("joint", name, names)
+        for name, low, high in zip(names, *map(np.ndarray.tolist, self.position_limits), strict=True):
+            finite_scalar(f"half-sitting of joint '{name}'", self.half_sitting[name], low=low, high=high)
         q = self._half_sitting_configuration()
         if self.soles:
             posture.check_standing(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
-
-    def _check_values(self) -> None:
-        """Check the values for single joints, each by the name of the joint."""
-        names, model = self.joint_names, self._model
-        values = {
-            "armature": (self.armature, " (kg m²)"),
-            "damping": (self.damping, ""),
-            "friction": (self.frictionloss, ""),
-            "kp": ({name: kp for name, (kp, _) in self.gains.items()}, " (Nm/rad)"),
-            "kd": ({name: kd for name, (_, kd) in self.gains.items()}, " (Nms/rad)"),
-        }
-        for what, (given, unit) in values.items():
-            for name, value in given.items():
-                choose("joint", name, names)
-                finite_scalar(f"{what} of joint '{name}'{unit}", value, low=0.0)
-        for name, value in self.half_sitting.items():
-            i = model.nq - len(names) + names.index(choose("joint", name, names))
-            low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-            finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 
     def __reduce__(self) -> tuple[Any, ...]:
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -190,30 +170,15 @@ class RobotDescription:
             provenance: Origin of the model, for reports; the path when None.
             **options: See `wbc.robots.options.DescriptionOptions`.
         """
-        if (left_sole is None) != (right_sole is None):
-            raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
-        is_file = urdf.is_file(source)
-        folder = Path(source).expanduser().resolve().parent if is_file else None
-        directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
-        fixed, robot = base == "fixed", urdf.read(source)
-        meshes = (shape.file for shape in robot.shapes if shape.kind == "mesh")
-        directories, notes = mesh_folders(meshes, directories, folder)
-        locked, changes = tidying.tidy(robot, fixed, options.get("lock") or {}, options.get("repair", False))
         return cls(
-            **complete(
-                Read(
-                    partial(robot.mechanism, fixed),
-                    name,
-                    provenance or (str(source) if is_file else "URDF string"),
-                    Notes(notes + changes),
-                    fixed,
-                    None
-                    if left_sole is None or right_sole is None
-                    else from_geometry(robot.shapes, (left_sole, right_sole), sole_size, directories),
-                    named=left_sole is not None,
-                    package_dirs=directories,
-                    fields={"locked": locked},
-                ),
+            **robot_urdf.fields(
+                source,
+                (left_sole, right_sole),
+                sole_size,
+                name=name,
+                package_dirs=tuple(str(Path(folder).expanduser()) for folder in package_dirs),
+                fixed=base == "fixed",
+                provenance=provenance,
                 **options,
             )
         )
@@ -308,7 +273,9 @@ class RobotDescription:
         """
         model = self.pinocchio_model()
         most = -model.upperEffortLimit[-len(self.joint_names) :]
-        springs = self._by_joint(self.springs, repeat((0.0, 0.0))).T.copy() if self.springs else None
+        springs = (
+            self._by_joint(self.springs, itertools.repeat((0.0, 0.0))).T.copy() if self.springs else None
+        )
         return Robot(
             model,
             self.soles,
@@ -514,7 +481,7 @@ class RobotDescription:
         model.armature[-len(names) :] = [self.armature.get(name, 0.0) for name in names]
         return model
 
-    def _by_joint(self, given: Mapping[str, Any], usual: Iterable[Any] = repeat(0.0)) -> Array:
+    def _by_joint(self, given: Mapping[str, Any], usual: Iterable[Any] = itertools.repeat(0.0)) -> Array:
         """Return the values of all joints, the usual one where none is given, shape (na,) or (na, k)."""
         return np.array(
             [given.get(name, value) for name, value in zip(self.joint_names, usual, strict=False)]

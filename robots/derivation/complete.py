@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
-from wbc.base.numbers import ROUNDING, finite_scalar
+from wbc.base.numbers import ROUNDING
 from wbc.core.model import Closure, joints_to
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames
@@ -48,8 +48,7 @@ class Read:
         name: Its name; that of the mechanism's model when None.
         source: Origin of the model.
         notes: Remarks so far; what is derived adds its own.
-        fixed: True for a base that is bolted to the world.
-        find_soles: Finder of the soles; None for a robot without feet.
+        find_soles: Finder of the soles; None for a robot without feet, such as one that is bolted to the world.
         named: True if the soles are given by name or place, False if it is left to `find_soles` which foot is the left
             one.
         package_dirs: Folders with the meshes.
@@ -63,7 +62,6 @@ class Read:
     name: str | None
     source: str
     notes: Notes
-    fixed: bool
     find_soles: SoleFinder | None
     named: bool
     package_dirs: tuple[str, ...] = ()
@@ -75,14 +73,12 @@ class Read:
 
 def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any]:
     """Return the fields of the `RobotDescription` of what was read."""
-    if read.named and (read.fixed or read.find_soles is None):
+    if read.named and read.find_soles is None:
         raise InputError(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles, as feet=False is; "
             "give no left_sole and right_sole"
         )
-    for option in options:
-        choose("option", option, DescriptionOptions.__annotations__)
-    notes, height = read.notes, options.get("height")
+    notes = read.notes
     robot, model, soles = _on_soles(read, options)
     joints, closures = _half_sitting(read, options, model, soles)
     mass, com_height = _size(model, soles, joints)
@@ -100,7 +96,7 @@ def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any
         "servo": options.get("servo") or ServoRule(),
         "gains": options.get("gains") or {},
         "package_dirs": read.package_dirs,
-        "height": None if height is None else finite_scalar("height (m)", height, above=0.0),
+        "height": options.get("height"),
         "source": read.source,
         "licence": options.get("licence", "unknown"),
         "derived": tuple(notes),

@@ -58,7 +58,6 @@ def fields(
         name or _model_name(model) or tree.body_name(tree.root),
         provenance or _origin(source),
         tree.notes,
-        fixed,
         partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
         named=soles != (None, None),
         postures=drives_mjcf.keyframes(tree),

@@ -59,17 +59,23 @@ class _Reader:
                 )
         self.links = {str(link.get("name")): link for link in model.findall("link")}
         self.places = {name: self._pose(link) for name, link in self.links.items()}
-        joints = {str(joint.get("name")): joint for joint in model.findall("joint")}
-        ends = {name: self._ends(name, joint) for name, joint in joints.items()}
         if not self.links:
             raise ModelError(f"{where}: the model has no link")
-        children = {child for parent, child in ends.values() if parent != "world"}
-        bolted = [name for name, pair in ends.items() if "world" in pair]
-        start = next((link for link in self.links if link not in children), next(iter(self.links)))
         self.bodies: dict[str, Any] = {}
-        if bolted:
+        joints = {str(joint.get("name")): joint for joint in model.findall("joint")}
+        ends = {name: self._ends(name, joint) for name, joint in joints.items()}
+        for name, pair in self._grow(joints, ends).items():
+            self._close(name, joints[name], pair)
+
+    def _grow(
+        self, joints: Mapping[str, ET.Element], ends: Mapping[str, tuple[str, str]]
+    ) -> dict[str, tuple[str, str]]:
+        """Add all links by the joints that reach them first, and return the ends of the joints that are left."""
+        if any("world" in pair for pair in ends.values()):
             self.bodies["world"] = self.spec.worldbody
         else:
+            children = {child for _, child in ends.values()}
+            start = next((link for link in self.links if link not in children), next(iter(self.links)))
             self._body(start, None).add_freejoint()
         left, found = dict(ends), True
         while found:
@@ -80,9 +86,10 @@ class _Reader:
                     self._joint(name, joints[name], near, far, left.pop(name))
                     found = True
         if missing := [name for name in self.links if name not in self.bodies]:
-            raise ModelError(f"{where}: no joint ties link '{missing[0]}' to '{next(iter(self.bodies))}'")
-        for name, pair in left.items():
-            self._close(name, joints[name], pair)
+            raise ModelError(
+                f"{self.where}: no joint ties link '{missing[0]}' to '{next(iter(self.bodies))}'"
+            )
+        return left
 
     def _ends(self, name: str, joint: ET.Element) -> tuple[str, str]:
         ends = tuple((joint.findtext(tag) or "").strip() for tag in ("parent", "child"))

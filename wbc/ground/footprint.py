@@ -67,7 +67,7 @@ class FootprintSettings:
     """
 
     least_known: Share = 0.35
-    trust: Annotated[NonNegative, ""] = 1.5
+    trust: NonNegative = 1.5
     tilt_cost: Annotated[NonNegative, "m/rad"] = 0.1
     distance: Annotated[NonNegative, "m/m"] = 0.15
     move: Annotated[NonNegative, "m"] = 0.002
