@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from wbc.base.errors import InputError, ModelError, choose, shown
+from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import Array
 from wbc.core.model import Closure, driven_joints, driven_names, joints_to
 from wbc.robots.derivation.legs import joint_limits
@@ -28,9 +28,7 @@ def close(
     """Return a posture in which closed chains close: their joints that are in no leg and not given are solved for."""
     names, ends = driven_names(model), [_ends(model, closure) for closure in closures]
     legs = {joint for frame in soles for joint in joints_to(model, frame)}
-    moving = set().union(
-        *(_between(model, *pair, closure) for pair, closure in zip(ends, closures, strict=True))
-    )
+    moving = set().union(*(_between(model, *pair) for pair in ends))
     free = [
         i
         for i, (joint, name) in enumerate(zip(driven_joints(model), names, strict=True))
@@ -65,24 +63,21 @@ def close(
 
 
 def _ends(model: pin.Model, closure: Closure) -> tuple[int, int]:
-    """Return the numbers of the two frames that a closure ties."""
-    if not isinstance(closure, Closure):
-        raise InputError(f"closures must be of class Closure, got {shown(closure)}")
+    """Return the numbers of the two frames that a closure ties; a `ModelError` where no joint lies between them."""
     if closure.frame == closure.other:
         raise InputError(f"closure '{closure.name}' ties two frames, got '{closure.frame}' twice")
     known = [str(frame.name) for frame in model.frames]
     one, two = (
         model.getFrameId(choose("frame of a closure", end, known)) for end in (closure.frame, closure.other)
     )
-    return one, two
-
-
-def _between(model: pin.Model, one: int, two: int, closure: Closure) -> set[int]:
-    """Return the joints that move two frames of a closure against each other; a `ModelError` where none does."""
-    sides = [{*model.supports[model.frames[end].parentJoint]} for end in (one, two)]
-    if sides[0] == sides[1]:
+    if not _between(model, one, two):
         raise ModelError(
             f"closure '{closure.name}' ties '{closure.frame}' to '{closure.other}', which are parts of one rigid "
             "body: no joint moves them against each other; leave it out"
         )
-    return sides[0] ^ sides[1]
+    return one, two
+
+
+def _between(model: pin.Model, one: int, two: int) -> set[int]:
+    """Return the joints that move two frames against each other."""
+    return {*model.supports[model.frames[one].parentJoint]} ^ {*model.supports[model.frames[two].parentJoint]}

@@ -19,7 +19,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import choose
-from wbc.base.numbers import finite_scalar
 from wbc.core.frames import FrameDescription
 from wbc.core.model import is_floating, joints_to
 from wbc.core.robot import GRAVITY
@@ -73,7 +72,7 @@ def complete_armature(
 ) -> dict[str, float]:
     """Return the armature of every joint, kg m²: one for all is given, or those of some joints beside a default."""
     if given is not None and not isinstance(given, Mapping):
-        return dict.fromkeys(names, finite_scalar("armature (kg m²)", given, low=0.0))
+        return dict.fromkeys(names, float(given))
     known = dict(given or {})
     for joint in known:
         choose("joint", joint, names)
