@@ -71,9 +71,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no rotor": ({"armature": {"l_elbow": 0.0}}, "armature must give every joint"),
     "negative rotor": ({"armature": "-"}, r"armature\['l_knee'\] of RobotDescription"),
     "negative damping": ({"damping": {"l_knee": -1.0}}, r"damping\['l_knee'\] of RobotDescription"),
-    "negative friction": ({"frictionloss": {"l_knee": -1.0}}, r"frictionloss\['l_knee'\] of RobotDescription"),
+    "negative friction": (
+        {"frictionloss": {"l_knee": -1.0}},
+        r"frictionloss\['l_knee'\] of RobotDescription",
+    ),
     "negative gain": ({"gains": {"l_knee": (-1.0, 0.0)}}, r"gains\['l_knee'\]\[0\] of RobotDescription"),
-    "negative damping gain": ({"gains": {"l_knee": (1.0, -1.0)}}, r"gains\['l_knee'\]\[1\] of RobotDescription"),
+    "negative damping gain": (
+        {"gains": {"l_knee": (1.0, -1.0)}},
+        r"gains\['l_knee'\]\[1\] of RobotDescription",
+    ),
     "unknown spring": ({"springs": {"knee": (1.0, 0.0)}}, "'knee'"),
     "unknown passive": ({"passive": ("knee",)}, "'knee'"),
     "unknown range": ({"torque_ranges": {"knee": (-1.0, 1.0)}}, "'knee'"),
