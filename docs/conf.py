@@ -187,7 +187,8 @@ def name_attributes(app: Sphinx, what: str, name: str, obj: Any, options: Any, l
     for k, line in enumerate(lines):
         lines[k] = line.replace(COLON, ": ")
         if line.startswith(":vartype "):
-            lines[k] = re.sub(r"\b(?:\w+\.)+(?=[A-Z])", "", _short_arrays(line))
+            short = re.sub(r"\b(?:\w+\.)+(?=[A-Z])", "", _short_arrays(line))
+            lines[k] = re.sub(r"ClassVar\[(.*)\]$", r"\1", short)
 
 
 class _Page(HTMLParser):
