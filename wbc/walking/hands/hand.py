@@ -179,9 +179,8 @@ class Hand:
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
         self.contact.active = self.grasp.active = False
-        self._elapsed = 0.0  # on its way, s
-        # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
-        self._silent = self._touching = self._short = 0.0
+        self._silent = 0.0  # time since the last reading, s
+        self._lasted = 0.0  # time for which its way, a touch or a lack of force has lasted in this state, s
 
     @property
     def reach(self) -> float:
@@ -280,7 +279,8 @@ class Hand:
 
     def _search(self, start: pin.SE3) -> None:
         """Approach the surface from a place in the world."""
-        self.state, end = HandState.APPROACH, start.translation + SEARCH * self.direction
+        self.state, self._lasted = HandState.APPROACH, 0.0
+        end = start.translation + SEARCH * self.direction
         self.arm.send([pin.SE3(start.rotation, end)], WORLD, TURN, speed=self._settings.approach)
 
     def release(self) -> None:
@@ -357,10 +357,10 @@ class Hand:
 
     def _reach(self, wrench: Array, dt: float) -> None:
         """Learn the tare on the way, and begin what comes after it."""
-        arm, first = self.arm, self._elapsed == 0.0  # an offset may be more than a touch
+        arm, first = self.arm, self._lasted == 0.0  # an offset may be more than a touch
         if first or float(np.linalg.norm(wrench[:3])) < self._touch:
-            self.tare += dt / (self._elapsed + dt) * wrench
-        self._elapsed += dt
+            self.tare += dt / (self._lasted + dt) * wrench
+        self._lasted += dt
         if arm.moving or (target := arm.target) is None:
             return
         if self._then is HandState.APPROACH:
@@ -390,9 +390,9 @@ class Hand:
     def _approach(self, dt: float) -> None:
         """Begin to press at a touch; stop after a search without one, and where the hand cannot go on."""
         arm = self.arm
-        self._touching = self._touching + dt if self.pressed > self._touch else 0.0
-        if self._touching >= 2.0 * dt - ROUNDING:
-            self.state, self._short = HandState.HOLD, 0.0
+        self._lasted = self._lasted + dt if self.pressed > self._touch else 0.0
+        if self._lasted >= 2.0 * dt - ROUNDING:
+            self.state, self._lasted = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
             arm.stop(WORLD)
             self.force = Ramp(min(self._touch, self.ordered))
@@ -405,8 +405,8 @@ class Hand:
         """Detect the loss of the contact from a force that stays too small."""
         least = min(self.planned, self.total)
         short = self.pressed < LOSS * least and least > 2.0 * self._touch
-        self._short = self._short + dt if short else 0.0
-        if self._short > LOSS_TIME + ROUNDING:
+        self._lasted = self._lasted + dt if short else 0.0
+        if self._lasted > LOSS_TIME + ROUNDING:
             self._lose()
 
     def _fade(self, duration: float) -> None:
