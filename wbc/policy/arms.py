@@ -116,8 +116,12 @@ class PolicyArms(ABC):
         self._carried = controller.add(Carried(robot, controller.dt))
         others = [name for name in robot.joint_names if name not in set(joints)]
         self._others = controller.add(ReleasedJoints(robot, others, commanded=True))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what the last tick said of the arms."""
         self.failure = self.remark = ""
-        self.changed = np.zeros(robot.na)
+        self.changed = np.zeros(self.controller.robot.na)
 
     @abstractmethod
     def servos(self, measurement: Measurement, target: Array, asked: Array) -> tuple[Array, Array, Array]:

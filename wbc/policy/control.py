@@ -260,6 +260,8 @@ class PolicyControl(SteeredControl):
         self._rested = 0.0  # time for which a stand has been asked for, s
         self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
+        if self._arms is not None:
+            self._arms.reset()
         self._observation.reset()
         self.observed.action[:] = 0.0
         self.observed.phase = self._clock.tick(self.observed.phase, True)

@@ -166,7 +166,7 @@ class InverseKinematics(Items):
                     raise InputError(
                         f"{item!r} is on forces or torques: it has no place in inverse kinematics"
                     )
-                if type(item).observe is not Task.observe:
+                if item.listens:
                     raise InputError(f"{item!r} reads sensors: it has no place in inverse kinematics")
             if isinstance(item, Limit) and type(item).write_step is Limit.write_step:
                 raise InputError(

@@ -167,24 +167,8 @@ class JointLimits(Barrier):
         super().bind(robot)
         self._rows: Array | None = None  # that have been filled
         self._dt = 0.0
-        self._most_acceleration = np.full(na, np.inf)
-        inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
-        # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
-        torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
-        brakes = np.minimum(ATTAINABLE, BRAKING_SHARE * torque / inertia)
-        if self._acceleration is not None:
-            self._most_acceleration = one_or_each("acceleration of joint limits", self._acceleration, na)
-            brakes = np.minimum(self._most_acceleration, torque / inertia)
-        stop = self._most_acceleration  # of inverse kinematics, which knows no torques
-        if self._braking is not None:
-            stop = one_or_each("braking of joint limits", self._braking, na)
-            brakes = np.where(brakes > 0.0, stop, 0.0)
-        self._brakes, self._least_braking = brakes, brakes.min(axis=0)
-        if (brakes > self._most_acceleration).any():
-            raise InputError(
-                f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit "
-                f"{self._most_acceleration} rad/s²"
-            )
+        self._brakes, stop = self._brakes_of(robot)
+        self._least_braking = self._brakes.min(axis=0)
         margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
         self._lower, self._upper = robot.position_lower + margin, robot.position_upper - margin
         self._fastest = self._ratio * robot.velocity_limit
@@ -202,7 +186,29 @@ class JointLimits(Barrier):
         self._greatest = np.tile(np.where(limited, self._most_acceleration, np.inf), (2, 1))
         self._accelerates = bool(np.isfinite(self._greatest).any())
         given = self._acceleration is not None or self._braking is not None
-        self._stop = np.tile(stop, (2, 1)) if given else None  # braking of inverse kinematics
+        self._stop = np.tile(stop, (2, 1)) if given else None
+
+    def _brakes_of(self, robot: Robot) -> tuple[Array, Array]:
+        """Return the braking towards the upper and the lower bounds, shape (2, na), and that of inverse kinematics.
+
+        Inverse kinematics know no torques. Negative torques keep the upper bounds.
+        """
+        na, most = robot.na, np.full(robot.na, np.inf)
+        inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
+        torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
+        brakes = np.minimum(ATTAINABLE, BRAKING_SHARE * torque / inertia)
+        if self._acceleration is not None:
+            most = one_or_each("acceleration of joint limits", self._acceleration, na)
+            brakes = np.minimum(most, torque / inertia)
+        self._most_acceleration = stop = most
+        if self._braking is not None:
+            stop = one_or_each("braking of joint limits", self._braking, na)
+            brakes = np.where(brakes > 0.0, stop, 0.0)
+        if (brakes > most).any():
+            raise InputError(
+                f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit {most} rad/s²"
+            )
+        return brakes, stop
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill rows and rooms, rad (or m); see `Barrier.measure`."""

@@ -71,7 +71,7 @@ class Assembly(RowStore):
         super().__init__(robot, [tasks], contacts, limits, 2)
         self._regularisation, self._mass_carried = regularisation, robot.mass
         self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
-        self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
+        self.listening = [task for task in tasks if task.listens]
         p, nv, base = self.problem, robot.nv, robot.base_dof
         self._base, self._passive = slice(0, base), robot.passive
         self._passive_rows = slice(base, self._start)

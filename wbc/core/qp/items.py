@@ -123,11 +123,7 @@ class Items:
     def _bind(self, item: Item) -> None:
         """Bind an item to the robot, and evaluate it once."""
         bind(item, self.robot)
-        if (
-            isinstance(item, Task)
-            and not isinstance(item, VariableTask)
-            and type(item).observe is Task.observe
-        ):
+        if isinstance(item, Task) and not isinstance(item, VariableTask) and not item.listens:
             item.evaluated()  # one that reads sensors has none yet
         if isinstance(item, Limit):
             name, dim = getattr(item, "name", None), getattr(item, "dim", None)

@@ -497,6 +497,11 @@ class Task(Motion):
     def let_go(self) -> None:  # noqa: B027 (optional)
         """Undo the changes that the task has made to other objects; called when the task is removed."""
 
+    @property
+    def listens(self) -> bool:
+        """True for a task that reads the sensors: it has an `observe` of its own."""
+        return getattr(self.observe, "__func__", None) is not Task.observe
+
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors, at every tick of dt, s, before the rows are written; for subclasses to override."""
 
