@@ -109,12 +109,12 @@ class StiffnessActuator:
         actual = self._follow(actual, reference, 0.0, left)
         return StiffnessState(
             target,
-            target if reference == goal else self._within(10.0**reference),
-            target if actual == goal else self._within(10.0**actual),
+            target if reference == goal else self.within(10.0**reference),
+            target if actual == goal else self.within(10.0**actual),
         )
 
-    def _within(self, stiffness: float) -> float:
-        """Return a stiffness without the rounding of its logarithm at the ends of the range, Nm/rad."""
+    def within(self, stiffness: float) -> float:
+        """Return the stiffness of the range that is nearest to a given one, Nm/rad."""
         return min(max(stiffness, self.low), self.high)
 
     def _follow(self, actual: float, start: float, slope: float, duration: float) -> float:

@@ -249,7 +249,7 @@ class StiffnessScheduler:
         """Command the stiffness of the feet that stand, where the policy says one."""
         stiffness = self.policy.standing(swing is not None)
         if stiffness is not None:
-            within = min(max(stiffness, self.actuator.low), self.actuator.high)
+            within = self.actuator.within(stiffness)
             for side in range(len(SIDES)):
                 if side != swing:
                     self._command[side] = within
@@ -318,12 +318,11 @@ class StiffnessScheduler:
     def _actual(self, side: int, measurement: Measurement) -> float:
         """Return the present stiffness of a sole within the range of its actuator; the command without a reading."""
         measured = float(measurement.sole_stiffness[side])
-        actual = float(self._command[side]) if math.isnan(measured) else measured
-        return min(max(actual, self.actuator.low), self.actuator.high)
+        return self.actuator.within(float(self._command[side]) if math.isnan(measured) else measured)
 
     def _set(self, side: int, stiffness: float, actual: float, time_left: float) -> None:
         """Command a stiffness, or as near to it as the actuator gets within its range and before the landing."""
-        target = min(max(stiffness, self.actuator.low), self.actuator.high)
+        target = self.actuator.within(stiffness)
         if target != self._command[side]:
             sure = max(time_left - self.timing.early_landing, 0.0)
             self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
