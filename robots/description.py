@@ -75,7 +75,7 @@ class RobotDescription:
         source: Origin of the model.
         licence: Licence of the model.
         derived: Values that were derived from the model, as one line of text each.
-        doubtful: What the reader of the file found doubtful, one line each, such as a force that the controller's model
+        doubtful: Doubts of the reader of the file, one line each, such as on a force that the controller's model
             does not have; `doubts` adds what the values say.
     """
 

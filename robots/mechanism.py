@@ -206,7 +206,7 @@ class Mechanism:
         return core_schema.no_info_plain_validator_function(cls.from_plain)
 
     def axis(self, joint: int) -> tuple[bool, Array]:
-        """Return whether a joint slides, and its axis in its own frame, shape (3,)."""
+        """Return True for a joint that slides, and its axis in its own frame, shape (3,)."""
         kind, data = self.model.joints[joint], self.model.joints[joint].createData()
         kind.calc(data, np.zeros(1))
         subspace = np.ravel(data.S)

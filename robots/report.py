@@ -121,7 +121,7 @@ def report(facts: Mapping[str, Any]) -> str:
 
 
 def doubts(robot: Any) -> tuple[str, ...]:
-    """Return what of a description is doubtful, one line each."""
+    """Return the doubtful values of a description, one line each."""
     model = robot.robot()
     if not robot.soles:
         hint = feet_hint(model.model)

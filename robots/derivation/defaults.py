@@ -45,7 +45,7 @@ ASIDE = 0.01
 
 
 def feet_hint(model: pin.Model) -> str:
-    """Return how to name the feet of a robot that two lowest limbs say is a humanoid; "" for an arm or a quadruped."""
+    """Return the options that name the two lowest limbs of a humanoid as its feet; "" for an arm or a quadruped."""
     data = model.createData()
     com = pin.centerOfMass(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)

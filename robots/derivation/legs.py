@@ -119,7 +119,7 @@ class LegSearch:
 
 
 def what_is_wrong(error: Array, soles: tuple[Sole, ...]) -> str:
-    """Return what is wrong with the best posture that a search has found, the two largest parts."""
+    """Return the two largest errors of the best posture that a search has found, as text."""
     tilts = [float(np.linalg.norm(error[i : i + 3])) for i in (0, 3)]
     away, apart = float(np.linalg.norm(error[6:8])), float(np.linalg.norm(error[8:11]))
     parts = [
@@ -134,7 +134,7 @@ def what_is_wrong(error: Array, soles: tuple[Sole, ...]) -> str:
 
 
 def knee_direction(model: pin.Model, sole: str) -> Array:
-    """Return where the knee of the leg of a sole goes when it bends, in root axes, shape (3,), m/rad."""
+    """Return the velocity of the knee of a sole's leg by its bend, in root axes, shape (3,), m/rad."""
     data, leg = model.createData(), joints_to(model, sole)
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)

@@ -250,7 +250,7 @@ def plausible(length: float, width: float, leg: float = np.inf) -> bool:
 
 
 def no_sole(length: float, width: float) -> str:
-    """Return what is said of geometry that is no sole, m."""
+    """Return the message on geometry that is no sole, by its sides, m."""
     return f"the geometry touches the ground over {length:.4g} x {width:.4g} m, which is no sole: is it in metres?"
 
 

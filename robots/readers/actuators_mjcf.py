@@ -35,7 +35,7 @@ class JointActuator:
         on: False for an actuator whose group the file switches off (`actuatorgroupdisable`).
         lag: Time constant between control and force, s.
         delay: Delay of the control, s.
-        kind: What the force is where `gain` is None, such as "muscle"; "motor" otherwise.
+        kind: Kind of the force where `gain` is None, such as "muscle"; "motor" otherwise.
     """
 
     number: int

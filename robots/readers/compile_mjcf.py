@@ -195,7 +195,7 @@ def _refuse_other_formats(where: str, content: str) -> None:
 
 
 def _defects(spec: mujoco.MjSpec) -> str:
-    """Return what is wrong with the files of the meshes and pictures of a spec, each after a semicolon."""
+    """Return the defects of the files of meshes and pictures of a spec, each after a semicolon."""
     folder, found = Path(spec.modelfiledir or "."), dict[str, None]()
     named = [(spec.meshdir, each.file) for each in spec.meshes]
     named += [(spec.texturedir, each.file) for each in spec.textures]

@@ -238,7 +238,7 @@ class _Finder:
 
 
 def _touch_ground(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which geoms collide with a floor, by their masks or by pairs of the file, shape (ngeom,)."""
+    """Return True for each geom that collides with a floor, by masks or pairs of the file, shape (ngeom,)."""
     kinds, affinities, bodies = model.geom_contype, model.geom_conaffinity, model.geom_bodyid
     floors = {(1, 1), *zip(kinds[bodies == 0].tolist(), affinities[bodies == 0].tolist(), strict=True)}
     touches = np.zeros(model.ngeom, dtype=bool)

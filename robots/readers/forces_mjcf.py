@@ -58,7 +58,7 @@ def unmodelled(
 
 
 def _switches(model: mujoco.MjModel) -> list[str]:
-    """Return what the option flags of the file switch off, or on."""
+    """Return a note for each option flag of the file that switches a force off."""
     found = [
         f"{name} is disabled (option flag): {effect}"
         for name, (flag, effect) in SWITCHES.items()
@@ -87,7 +87,7 @@ def _gravity(model: mujoco.MjModel) -> list[str]:
 
 
 def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
-    """Return what holds the floating base to the world or makes it heavier, as a free joint may."""
+    """Return notes on a free joint that holds the floating base to the world, or makes it heavier."""
     found, rubbing, rotors, dry = [], damping(model), rotor_inertia(model), dry_friction(model)
     for joint in range(model.njnt):
         if (
@@ -115,7 +115,7 @@ def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
 
 
 def _actuators(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:
-    """Return what the actuators of the joints do beside a torque at once, and those that are switched off."""
+    """Return notes on actuators that are switched off, late, or no source of a torque."""
     mine = [each for each in actuators(model) if each.joint in joints]
     off = [f"'{each.name}' (group {int(model.actuator_group[each.number])})" for each in mine if not each.on]
     found = []

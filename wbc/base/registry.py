@@ -182,7 +182,7 @@ class Registry(dict[str, T]):
 
 
 def _place(value: Any) -> Any:
-    """Return where a class or a function is defined; of a record those of its parts."""
+    """Return module and name of a class or a function; of a record those of its parts."""
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), *(_place(getattr(value, part.name)) for part in fields(value))
     return getattr(value, "__module__", None), getattr(value, "__qualname__", None)

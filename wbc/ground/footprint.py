@@ -62,8 +62,8 @@ class FootprintSettings:
         move: Cost of any move of a landing, however small, m.
         edge: Cost of a place whose neighbours, one node away, touch the ground at another height, m/m.
         tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
-        choice: Whether another place nearby may be chosen.
-        way: Whether the swing clears the highest ground on its way.
+        choice: True to choose another place nearby where the sole rests better.
+        way: True for a swing that clears the highest ground on its way.
     """
 
     least_known: Share = 0.35

@@ -216,7 +216,7 @@ class HeightMap:
         return (np.abs(grid.real) < HELD * SIDE) & (np.abs(grid.imag) < HELD * SIDE)
 
     def _cells(self, places: Places) -> tuple[Index, Index]:
-        """Return where the cells of places are kept, and their codes, which no two places share."""
+        """Return the slots of the cells of places, and their codes, which no two places share."""
         grid = ((places - self._place) * self._turn).view(np.float64) + FAR
         index = grid.astype(np.int64)
         code = (index[0::2] << STRIDE) + index[1::2]

@@ -61,7 +61,7 @@ class GroundSettings:
 
     Attributes:
         map: Heights on cells.
-        footprint: What a sole would meet.
+        footprint: Choice of a landing on known ground.
         max_age: Age of a cloud from which on it is not used, s.
         contradiction: Difference between the sole that stands and the known ground below it from which on nothing of
             that ground is used, m.

@@ -320,7 +320,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _agreed(what: str, own: Said | None, given: Said | None) -> Said:
-    """Return what a file says, or else the caller; they must not contradict each other."""
+    """Return the value of a file, or else that of the caller; they must not contradict each other."""
     said = given if own is None else own
     if said is None:
         raise InputError(f"the file does not say its {what}: give them")
