@@ -130,6 +130,20 @@ def test_a_message_can_be_encoded_whatever_it_names() -> None:
         balance("\ud800")  # type: ignore[arg-type]
 
 
+def test_arguments_that_python_refuses_are_refused_by_python() -> None:
+    """Too many, too few, and one by place and by name."""
+    calls: list[Any] = [
+        stretch,
+        lambda: stretch(1.0, None, 2.0),  # type: ignore[call-arg]
+        lambda: stretch(1.0, length=2.0),  # type: ignore[misc]
+        lambda: Spring().press((0, 0, 1), force=(0, 0, 1)),  # type: ignore[misc]
+        lambda: Spring(1.0, "soft"),  # type: ignore[call-arg]
+    ]
+    for call in calls:
+        with pytest.raises(TypeError):
+            call()
+
+
 def test_sequences_and_mappings_are_checked_item_by_item() -> None:
     @checked
     def grip(

@@ -86,7 +86,10 @@ class Arguments:
         if self._names is not None and not self._names.issuperset(values):
             wrong = next(name for name in values if name not in self._names)
             unknown_name(f"argument of {self._owner(args)}", wrong, self._names - {"self", "cls"})
-        given = dict(zip(self._places, args, strict=False)) | values
+        given = dict(zip(self._places, args, strict=False))
+        if not given.keys().isdisjoint(values):
+            self._function(*args, **values)  # raises Python's error for an argument that is given twice
+        given |= values
         try:
             right = self._validate(given)
         except ValidationError as error:
