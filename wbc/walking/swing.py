@@ -2,7 +2,7 @@
 
     up        the foot rises before it travels, and sinks the last stretch without travelling
     apex      a little before half way in time, the swing height above the highest of both ends and the way between them
-    landing   the last stretch down at a small constant speed, so that touch-down is soft, early or not
+    landing   the last stretch down at a small speed, so that touch-down is soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
 Every change goes on from position, velocity and acceleration as they are. Up a stair the foot travels later, its heel
