@@ -25,7 +25,7 @@ from pydantic_core.core_schema import CoreConfig, typed_dict_field, typed_dict_s
 
 from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import read_only
-from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refuse
+from wbc.base.settings import CONFIG, UNIONS, Numbers, hashable, refuse
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -214,7 +214,7 @@ def _for_pydantic(hint: Any) -> Any:
         parts = tuple(part if part is ... else _for_pydantic(part) for part in args)
         if None in parts:
             return None
-        if len(members_of(hint)) > 1:
+        if origin in UNIONS:
             return typing.Union[parts]  # noqa: UP007 (made of a tuple)
         if origin in MAPPINGS:
             return Annotated[types.GenericAlias(dict, parts), Strict(False)]

@@ -123,6 +123,9 @@ NonNegativeNumbers = Annotated[ArrayLike, Numbers(low=0.0)]
 Triple = Annotated[ArrayLike, Numbers(shape=(3,))]
 """Three finite numbers: a point, a direction, a force."""
 
+UNIONS = (typing.Union, types.UnionType)
+"""Origins of annotations of a union."""
+
 CONFIG = ConfigDict(
     strict=True,
     extra="forbid",
@@ -294,24 +297,19 @@ def _classes_in(hint: Any) -> Iterator[type]:
 
 
 def _alternatives(hint: Any) -> list[Any]:
-    """The members of a union without their metadata; the annotation itself if it is no union."""
-    if typing.get_origin(hint) is Annotated:
-        hint = typing.get_args(hint)[0]
-    members = members_of(hint)
-    return [hint] if len(members) == 1 else [bare for each in members for bare in _alternatives(each)]
-
-
-def members_of(hint: Any) -> tuple[Any, ...]:
-    """Return the members of a union, or the annotation alone."""
-    return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    """Return the members of a union without their metadata; the annotation itself if it is no union."""
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        return _alternatives(args[0])
+    return [bare for each in args for bare in _alternatives(each)] if origin in UNIONS else [hint]
 
 
 def unit_of(hint: Any) -> str:
     """Return the unit in an annotation or in the first member of a union that has one; empty without one."""
-    if typing.get_origin(hint) is Annotated:
-        return next((item for item in typing.get_args(hint)[1:] if isinstance(item, str)), "")
-    members = members_of(hint)
-    return next(filter(None, map(unit_of, members)), "") if len(members) > 1 else ""
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        return next((item for item in args[1:] if isinstance(item, str)), "")
+    return next(filter(None, map(unit_of, args)), "") if origin in UNIONS else ""
 
 
 def units(kind: type, unit: str = "", prefix: str = "") -> dict[str, str]:
