@@ -300,10 +300,9 @@ class Observer:
         return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
     def _turning_imu(self, imu: pin.Motion, base: Rotation, spin: Vector) -> Vector:
-        """Return the velocity of the IMU in the world while the base turns but does not move, m/s.
+        """Return the velocity of the IMU in the world under a base that only turns, m/s.
 
-        `imu` is its velocity in the base frame, `base` the rotation of the base, `spin` its angular velocity in the
-        world, rad/s.
+        `imu` is its velocity in the base frame; `spin` is the angular velocity of the base in the world, rad/s.
         """
         moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
         return add_cross(moving, spin, at_imu)
@@ -389,19 +388,13 @@ class Observer:
             inertial.take(inertial.velocity)
 
     def _sink(self, reach: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
-        """Learn the compliance of the ground from loads and heights; `reach` are the CoPs from the base, world axes.
-
-        Both feet carry where both have shares of the load.
-        """
+        """Learn the compliance of the ground while both feet have shares of the load; `reach` is from base to CoPs."""
         loads = [foot.load for foot in self._feet]
         heights = [height - foot.rolled for (_, _, height), foot in zip(reach, self._feet, strict=True)]
         self.sinking.update(loads, heights, dt, carry=all(shares))
 
     def _follow(self, soles: Soles, arms: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
-        """Draw the anchors of feet that rest to the placements of the soles in the controller's model.
-
-        `arms` are the vectors from the soles to the CoPs, in the world, m.
-        """
+        """Draw the anchors of feet that rest to soles in the controller's model; `arms` are from these to the CoPs."""
         gain = lag_gain(dt, self.settings.reference_time_constant)
         for share, foot, (u, v, w), sole in zip(shares, self._feet, arms, soles, strict=True):
             if sole is not None and share != 0.0:
@@ -427,10 +420,9 @@ class Observer:
         place: Vector,
         dt: float,
     ) -> None:
-        """Let anchors whose distance changes settle, and those of feet without a share follow the base at its place.
+        """Let anchors whose distance changes settle, and those of feet without a share follow the base.
 
-        Equal gains leave the common position and yaw of the anchors unchanged; `yaws` are those of the feet by the
-        base, rad.
+        Equal gains leave the common position and yaw unchanged; `yaws` are those of the feet by the base, rad.
         """
         feet, (x, y, z), common = self._feet, place, 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):

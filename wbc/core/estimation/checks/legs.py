@@ -66,7 +66,7 @@ class CarrierThresholds(NamedTuple):
 class TurnThresholds(NamedTuple):
     """Thresholds of a foot that seems to turn as only a wrong gyroscope explains.
 
-    In walks the difference is 0.34 at least, for 0.02 s at most.
+    In walks all of this holds for 0.02 s at most, with a difference down to 0.34.
 
     Attributes:
         supports: Share of the load from which on a foot supports the robot, so that its leg tells how the IMU moves.
