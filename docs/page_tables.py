@@ -45,6 +45,11 @@ from wbc.walking.steps import ON_POINTS
 
 DOCS = Path(__file__).parent
 
+STUDIES = DOCS.parent / "examples" / "studies"
+
+PAGES = (*sorted(DOCS.rglob("*.md")), STUDIES / "README.md")
+"""Pages that may have tables."""
+
 SETTINGS_PAGE = (DOCS / "settings.md").read_text("utf-8")
 
 MADE = re.compile(
@@ -479,9 +484,9 @@ def ground_rows() -> Iterator[str]:
 
 def study_rows() -> Iterator[str]:
     """Studies of the examples with what each is about."""
-    yield from ("| Study | Question |", "|---|---|")
-    for file in sorted((DOCS.parent / "examples" / "studies").glob("*.json")):
-        yield f"| `{file.stem}` | {escaped(json.loads(file.read_text('utf-8'))['about'])} |"
+    yield from ("| Study | Subject |", "|---|---|")
+    for file in sorted(STUDIES.glob("*.json")):
+        yield f"| [`{file.stem}`]({file.name}) | {escaped(json.loads(file.read_text('utf-8'))['about'])} |"
 
 
 def command_rows() -> Iterator[str]:
@@ -553,7 +558,7 @@ TABLES = {
 def main() -> None:
     """Fill all pages."""
     argparse.ArgumentParser(description=__doc__).parse_args()
-    for page in sorted(DOCS.rglob("*.md")):
+    for page in PAGES:
         text = page.read_text(encoding="utf-8")
         if (new := filled(text)) != text:
             page.write_text(new, encoding="utf-8")
