@@ -206,7 +206,7 @@ def test_tables_of_the_pages_are_those_of_the_code(monkeypatch: pytest.MonkeyPat
     tables = script("page_tables", monkeypatch)
     pages = [page for page in tables.PAGES if tables.MADE.search(page.read_text("utf-8"))]
     assert {page.stem for page in pages} == {
-        *("README", "commands", "grounds", "measured", "policies", "settings"),
+        *("README", "commands", "grounds", "measured", "policy_files", "settings"),
         *(page.stem for page in (ROOT / "docs" / "api").glob("*.md")),
     }
     for page in pages:
