@@ -259,23 +259,26 @@ class Observer:
         turn = inertial.rotation.dot(self._imu_rotation_t)  # of the base
         spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - turn.dot(imu.angular)
         base, rate = turn.tolist(), spin.tolist()
-        self._imu_motion = self._turning_imu(imu, base, rate)
+        moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
+        self._imu_motion = add_cross(moving, rate, at_imu)
         self._wrenches = measurement.wrenches.tolist()
-        self._motions = motions = self._move_feet(self._wrenches, base, rate, dt, first)
-        self.load_shares = loads = self._shares()
+        self._motions, self.load_shares = motions, loads = self._move_feet(
+            self._wrenches, base, rate, dt, first
+        )
         self.rest = rest = self._at_rest(motions, loads, self._imu_motion, dt, first)
         legs, yaw_error = self._imu_by_legs(motions, rest.shares, self._imu_motion)
         self._correct(legs, yaw_error, rest, dt, first)
 
         turn = inertial.rotation.dot(self._imu_rotation_t)
         base, velocity = turn.tolist(), inertial.velocity - np.array(self._imu_motion)
-        reach = turned_all(base, [motion.point for motion in motions])
+        # In the world: from soles to CoPs, from the base to CoPs, and first axes of the soles.
+        parts = turned_all(base, [part for motion in motions for part in motion[2:5]])
+        arms, reach, axes = parts[::3], parts[1::3], parts[2::3]
         self._sink(reach, loads, dt)
         if soles is not None:
-            arms = turned_all(base, [motion.arm for motion in motions])
             self._follow(soles, arms, rest.shares, dt)
         self._position = place = self._place(reach, rest.shares, velocity, dt)
-        yaws = [yaw_of(axis) for axis in turned_all(base, [motion.axis for motion in motions])]
+        yaws = [yaw_of(axis) for axis in axes]
         self._settle(reach, yaws, rest.shares, place, dt)
         pose, linear, angular = self._base
         pose[:] = *place, *quaternion(base)
@@ -299,37 +302,28 @@ class Observer:
             pin.updateFramePlacement(model, data, frame)
         return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
-    def _turning_imu(self, imu: pin.Motion, base: Rotation, spin: Vector) -> Vector:
-        """Return the velocity of the IMU in the world under a base that only turns, m/s.
-
-        `imu` is its velocity in the base frame; `spin` is the angular velocity of the base in the world, rad/s.
-        """
-        moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
-        return add_cross(moving, spin, at_imu)
-
     def _move_feet(
         self, wrenches: Sequence[Vector], base: Rotation, spin: Vector, dt: float, first: bool
-    ) -> list[FootMotion]:
-        """Take in what the feet bear, and return how they move; rotation and spin are as in `_turning_imu`."""
+    ) -> tuple[list[FootMotion], list[float]]:
+        """Take in what the feet bear; return how they move, and their shares of the load, zeros while none bears one.
+
+        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s.
+        """
         s, model, data = self.settings, self.robot.model, self._data
         gains = 1.0, 1.0  # the first tick is unfiltered
         if not first:
             gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
         motions: list[FootMotion] = []
+        loads: list[float] = []
         for foot, frame, (rotation, place), wrench in zip(
             self._feet, self._soles, self._sole_frames, wrenches, strict=True
         ):
             rate = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
             sole = rotation.tolist(), place.tolist()
             motions.append(foot.update(wrench, sole, rate, base, spin, gains, dt))
-        return motions
-
-    def _shares(self) -> list[float]:
-        """Return the shares of the load that the feet bear; zeros while no foot bears one."""
-        least = self._min_load
-        loads = [max(foot.load - least, 0.0) for foot in self._feet]
+            loads.append(max(foot.load - self._min_load, 0.0))
         total = sum(loads)
-        return [load / total for load in loads] if total > 0.0 else loads
+        return motions, [load / total for load in loads] if total > 0.0 else loads
 
     def _at_rest(
         self, motions: Sequence[FootMotion], loads: Sequence[float], imu: Vector, dt: float, first: bool
