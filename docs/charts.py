@@ -43,7 +43,7 @@ def save(figure: Figure, path: Path) -> None:
 
 def draw_tour(path: Path) -> None:
     """Survived time and completed runs of the public tour, ours with intervals."""
-    rows = table("stepping.md", "| survived, s | completed, % |")[::-1]
+    rows = table("../examples/tour/README.md", "| survived, s | completed, % |")[::-1]
     figure, axes = plt.subplots(1, 2, figsize=(8.4, 3.6), sharey=True, layout="constrained")
     names = [row[0].partition(",")[0] for row in rows]
     for axis, column, label in ((axes[0], 1, "survived (s)"), (axes[1], 2, "completed (%)")):
