@@ -196,7 +196,7 @@ class ComplianceTask(FrameTask):
         """Resolve names; a task on a sole reads the wrench of that sole."""
         for index, sole in enumerate(robot.soles):
             if self.frame in (sole.name, sole.frame):
-                self.frame, self._sole = sole.frame, index
+                self._frame, self._sole = sole.frame, index
         super().bind(robot)
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:

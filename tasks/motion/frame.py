@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.core.frames import (
@@ -21,6 +21,7 @@ from wbc.core.frames import (
     rotation_matrix,
     unit_vector,
 )
+from wbc.core.qp.motion import OPTIONS
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.options import POSE_AXES, POSITION_AXES, ROTATION_AXES, MotionOptions
 from wbc.core.qp.task import Task
@@ -58,17 +59,18 @@ class FrameTask(Task):
     """
 
     __slots__ = (
-        "_data", "_id", "_model", "_placement", "_rotation", "_translation", "_turned", "_world", "frame",
+        "_data", "_frame", "_id", "_model", "_placement", "_rotation", "_translation", "_turned", "_world",
     )  # fmt: skip
     usual = {"stiffness": 30.0}
     reads = "kinematics"
+    frame: str = result("_frame", OPTIONS)
     _part: ClassVar[str] = "vector"  # of the motion of the frame, that of the task
 
     def __init__(
         self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions
     ) -> None:
         """Describe the task, by default named after frame and `what`; see `Task`."""
-        self.frame = frame
+        self._frame = frame
         super().__init__(f"{frame} {what}", rows, **options)
         chosen = np.array(rows)[self._choice.keep]
         self._turned = [axis for axis, name in enumerate(ROTATION_AXES) if name in chosen]
@@ -194,7 +196,8 @@ class RelativeFrameTask(FrameTask):
     only the orientation. The task does not resist a motion of both frames together.
     """
 
-    __slots__ = ("_reference_id", "_reference_placement", "reference")
+    __slots__ = ("_reference", "_reference_id", "_reference_placement")
+    reference: str = result("_reference", OPTIONS)
     unit = "m|rad"
 
     @checked
@@ -204,7 +207,7 @@ class RelativeFrameTask(FrameTask):
         """Describe the task; the target is the pose of `frame` in `reference`, a `pin.SE3`, or the present one."""
         if frame == reference:
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
-        self.reference = reference
+        self._reference = reference
         super().__init__(frame, f"in {reference}", POSE_AXES, target, options)
 
     def present(self, robot: Robot) -> pin.SE3:

@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import Number
 from wbc.core.frames import frame_jacobian
+from wbc.core.qp.motion import OPTIONS
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.options import GainOptions, joint_columns
 from wbc.core.qp.task import SelectionTask, Task
@@ -101,7 +102,8 @@ class JointCouplingTask(_Number):
     The sum is Σ coefficient · position, rad. With `hard=True` the joints are coupled exactly.
     """
 
-    __slots__ = ("_columns", "_values", "coefficients")
+    __slots__ = ("_coefficients", "_columns", "_values")
+    coefficients: Mapping[str, float] = result("_coefficients", OPTIONS)
     unit = "rad"
     _least = -math.inf
 
@@ -117,8 +119,8 @@ class JointCouplingTask(_Number):
             raise InputError(
                 f"a coupling needs a joint with a coefficient that is not zero, got {coefficients}"
             )
-        self.coefficients = dict(coefficients)
-        self._values = np.array(list(self.coefficients.values()))
+        self._coefficients = dict(coefficients)
+        self._values = np.array(list(self._coefficients.values()))
         super().__init__(f"coupling of {', '.join(coefficients)}", 1, **options)
         if target is not None:
             self.target = target
@@ -153,7 +155,8 @@ class ManipulabilityTask(_Number):
     Source: T. Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
     """
 
-    __slots__ = ("_columns", "_data", "_id", "_trunk", "frame")
+    __slots__ = ("_columns", "_data", "_frame", "_id", "_trunk")
+    frame: str = result("_frame", OPTIONS)
     unit = "m³"
 
     @checked
@@ -173,7 +176,7 @@ class ManipulabilityTask(_Number):
             trunk: Frame at which the limb begins; the base when None.
             **options: See `GainOptions`.
         """
-        self.frame, self._trunk = frame, trunk
+        self._frame, self._trunk = frame, trunk
         super().__init__(f"{frame} manipulability", 1, **options)
         if target is not None:
             self.target = target

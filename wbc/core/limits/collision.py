@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross
-from wbc.core.limits.base import BACK, Barrier, demands
+from wbc.core.limits.base import BACK, OPTIONS, Barrier, demands
 from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Columns, Obstacle, Shape, geometry_of
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
@@ -146,10 +146,27 @@ class CollisionLimit(Barrier):
     pairs that are slow for their distance are empty too. A pair is measured when its shapes have moved so far since
     they were last measured that its row may be needed. In a controller the rows ignore how the rotation of the common
     normal accelerates the distance. The next tick corrects this.
+
+    Attributes:
+        pairs: Pairs of links or frames, or "all", as given; like all attributes read-only.
+        obstacles: Shapes of the world; their placements and velocities may be assigned.
+        against: Links that keep away from the obstacles, as given.
+        shapes: Link or frame → its shapes.
+        margin, influence: Smallest distance, and the one beyond which a pair is ignored, m.
+        time_constant: Time constant of the approach, s.
+        recovery: Smallest acceleration that separates links closer than the margin, m/s².
     """
 
     reads = "kinematics"
     step_unit = "m"
+    pairs: tuple[tuple[str, str], ...] | Literal["all"] = fixed(OPTIONS)
+    obstacles: tuple[Obstacle, ...] = fixed(OPTIONS)
+    against: tuple[str, ...] | None = result("_against", OPTIONS)
+    shapes: Mapping[str, tuple[Shape, ...]] = result("_shapes", OPTIONS)
+    margin: float = result("_margin", OPTIONS)
+    influence: float = result("_influence", OPTIONS)
+    time_constant: float = result("_time", OPTIONS)
+    recovery: float = result("_back", OPTIONS)
 
     @checked
     def __init__(
@@ -184,10 +201,10 @@ class CollisionLimit(Barrier):
             name: Name of the limit.
         """
         self.name, self.dim = name, 0
-        self._all = pairs == "all"
-        self._given = [] if pairs == "all" else list(pairs)
+        self.pairs = "all" if pairs == "all" else tuple(pairs)
+        self._all, self._given = (True, ()) if self.pairs == "all" else (False, self.pairs)
         if len({frozenset(pair) for pair in self._given if pair[0] != pair[1]}) != len(self._given):
-            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._given}")
+            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {list(self._given)}")
         self.obstacles = tuple(obstacles)
         named = [obstacle.name for obstacle in self.obstacles]
         if len(set(named)) != len(named):
@@ -195,7 +212,7 @@ class CollisionLimit(Barrier):
         if not (self._given or self._all or named):
             raise InputError(f"limit '{name}' needs at least one pair of links, or an obstacle")
         self._shapes = {
-            frame: list(given) if isinstance(given, Sequence) else [given]
+            frame: tuple(given) if isinstance(given, Sequence) else (given,)
             for frame, given in (shapes or {}).items()
         }
         for frame, given in self._shapes.items():
@@ -205,7 +222,7 @@ class CollisionLimit(Barrier):
                 )
         if influence <= margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
-        self._against = None if against is None else list(against)
+        self._against = None if against is None else tuple(against)
         self._margin, self._influence = margin, influence
         self._time, self._back = time_constant, recovery
 

@@ -34,12 +34,14 @@ class CoMPolygonLimit(Barrier):
     Attributes:
         time_constant: Time constant of the approach to an edge, s; read-only, known once a controller has the limit.
         recovery: Acceleration that brings a CoM back from outside an edge, m/s²; read-only, known at the same time.
+        margin: Distance that the CoM keeps from the edges, m, read-only.
     """
 
     reads = "kinematics"
     step_unit = "m"
     time_constant: float = result("_time", OPTIONS)
     recovery: float = result("_back", OPTIONS)
+    margin: float = result("_margin", OPTIONS)
 
     @checked
     def __init__(

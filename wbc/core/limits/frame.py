@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked, result
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only, scalar
 from wbc.base.settings import Positive
@@ -33,9 +33,12 @@ class FrameLimit(Barrier):
     """Base of limits on a frame.
 
     Attributes:
-        frame: Frame of the robot.
+        frame: Frame of the robot, read-only.
+        time_constant: Time constant of the approach to a bound, s, read-only.
     """
 
+    frame: str = fixed(OPTIONS)
+    time_constant: float = result("_time", OPTIONS)
     reads = "kinematics"
 
     def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float = 0.1) -> None:
@@ -65,7 +68,12 @@ class FramePositionLimit(FrameLimit):
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
     FramePositionLimit("hand", directions=[(0.0, 0.6, 0.8)], upper=[1.2])
+
+    Attributes:
+        directions: Directions in the world, of length 1, shape (n, 3), read-only.
     """
+
+    directions: Array = result("_axes", OPTIONS)
 
     step_unit = "m"
 
@@ -160,9 +168,12 @@ class FrameSpeedLimit(FrameLimit):
 
     Attributes:
         speed: Greatest components, linear then angular, shape (6,), m/s and rad/s; read-only.
+        linear, angular: Greatest component of the linear, m/s, and of the angular velocity, rad/s; read-only.
     """
 
     speed: Array = result("_speed", OPTIONS)
+    linear: float = fixed(OPTIONS)
+    angular: float = fixed(OPTIONS)
 
     @checked
     def __init__(
@@ -182,6 +193,7 @@ class FrameSpeedLimit(FrameLimit):
             name: Name of the limit.
         """
         super().__init__(frame, "speed", 6, name)
+        self.linear, self.angular = linear, angular
         self._speed = np.repeat([linear, angular], 3)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
@@ -209,7 +221,16 @@ class AxisConeLimit(FrameLimit):
 
     The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
     of a·d is ω·(a × d), with the angular velocity ω of the frame.
+
+    Attributes:
+        angle: Half the opening of the cone, rad, read-only.
+        axis: Axis, of length 1, in the axes of the frame, read-only.
+        direction: Direction, of length 1, in the axes of the world, read-only.
     """
+
+    angle: float = result("_angle", OPTIONS)
+    axis: tuple[float, float, float] = result("_axis", OPTIONS)
+    direction: tuple[float, float, float] = result("_direction", OPTIONS)
 
     @checked
     def __init__(
@@ -229,8 +250,8 @@ class AxisConeLimit(FrameLimit):
         super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:
             raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
-        self._axis = unit_vector(f"axis of limit '{self.name}'", axis).tolist()
-        self._direction = unit_vector(f"direction of limit '{self.name}'", direction).tolist()
+        self._axis = tuple(unit_vector(f"axis of limit '{self.name}'", axis).tolist())
+        self._direction = tuple(unit_vector(f"direction of limit '{self.name}'", direction).tolist())
         self._angle, self._least = angle, math.cos(angle)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:

@@ -117,6 +117,10 @@ class JointLimits(Barrier):
         braking: Deceleration that is available in both directions, shape (na,), rad/s² (or m/s²). For a drive that is
             weaker in one direction it is that of the weaker direction. A position bound that the drive has no torque to
             keep is left out.
+        position: True if the bounds of the positions are kept.
+        margin: Distance from these bounds, rad (or m).
+        velocity_ratio: Share of the velocity limits that may be used.
+        joints: Names of the joints that are limited; None for all.
     """
 
     reads = "kinematics"
@@ -125,6 +129,10 @@ class JointLimits(Barrier):
     velocity: Array = result("_fastest", OPTIONS)
     acceleration: Array = result("_most_acceleration", OPTIONS)
     braking: Array = result("_least_braking", OPTIONS)
+    position: bool = result("_use_position", OPTIONS)
+    margin: float = result("_margin", OPTIONS)
+    velocity_ratio: float = result("_ratio", OPTIONS)
+    joints: tuple[str, ...] | None = result("_joints", OPTIONS)
 
     @checked
     def __init__(
@@ -154,7 +162,7 @@ class JointLimits(Barrier):
             joints: Names of the joints that are limited; all when None.
         """
         self.name, self.dim = "joint limits", 0
-        self._joints = None if joints is None else names_in("joints of joint limits", joints)
+        self._joints = None if joints is None else tuple(names_in("joints of joint limits", joints))
         self._use_position, self._use_velocity = position, velocity
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio
@@ -289,11 +297,13 @@ class TorqueLimits(Limit):
     Attributes:
         least, most: Bounds of the torques, shape (na,), Nm; read-only, known once a controller has the limits.
         rate: Greatest rates of the torques, shape (na,), Nm/s, read-only; None for none.
+        ratio: Share of the model's torque limits that may be used, read-only.
     """
 
     least: Array = result("_least", OPTIONS)
     most: Array = result("_most", OPTIONS)
     rate: Array | None = result("_most_rate", OPTIONS)
+    ratio: float = result("_ratio", OPTIONS)
 
     @checked
     def __init__(self, *, ratio: Ratio = 1.0, rate: Annotated[PositiveNumbers, "Nm/s"] | None = None) -> None:

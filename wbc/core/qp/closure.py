@@ -11,12 +11,12 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.frames import relative_drift, relative_jacobian
 from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, HeldFrame
-from wbc.core.qp.motion import RowNumbers
+from wbc.core.qp.motion import OPTIONS, RowNumbers
 from wbc.core.qp.options import ContactOptions
 from wbc.core.robot import GRAVITY, Robot
 
@@ -89,6 +89,8 @@ class LoopClosure(Contact):
         directions: Directions of the rows, [linear; angular] in the axes of the first frame, shape (dim, 3 or 6).
     """
 
+    other: str = fixed(OPTIONS)
+    rotation: bool = fixed(OPTIONS)
     ranged = ()
     usual = {"wrench_weight": 1e-8, "stiffness": 400.0, "rate": 20.0}
     dim = 6

@@ -15,14 +15,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, one_or_each, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.frames import frame_jacobian, pose, unit_vector
 from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
-from wbc.core.qp.motion import RATE, Motion
+from wbc.core.qp.motion import OPTIONS, RATE, Motion
 from wbc.core.qp.options import ContactOptions
 from wbc.core.robot import GRAVITY, Reads, Robot
 
@@ -65,7 +65,7 @@ class Contact(Motion):
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
-        frame: Frame of the robot that is in contact.
+        frame: Frame of the robot that is in contact, read-only.
         dim: Number of motion rows and of force variables.
         ranged: Places of the force variables that have a range: the normal force alone, or all.
         usual: Options of the contacts of a class where none are given.
@@ -81,6 +81,7 @@ class Contact(Motion):
     """
 
     _kind = "contact"
+    frame: str = result("_frame", OPTIONS)
     reads: ClassVar[Reads] = "kinematics"
     ranged: ClassVar[tuple[int, ...]] = (NORMAL,)
     usual: ClassVar[ContactOptions] = {}
@@ -93,7 +94,7 @@ class Contact(Motion):
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
         given: ContactOptions = {**USUAL, **self.usual, **options}
         super().__init__(name, given["stiffness"], given["damping"])
-        self.frame, self.cone = frame, cone
+        self._frame, self.cone = frame, cone
         self.rate, self.wrench_weight, self._ramp = given["rate"], given["wrench_weight"], given["ramp"]
         self._set_forces(options.get("min_force"), options.get("max_force"))
         self._yields = given["motion_weight"] is not None
@@ -205,7 +206,7 @@ class Contact(Motion):
         """Resolve the frame, and take its present placement as that of the contact."""
         super().bind(robot)
         self._model, self._data = robot.model, robot.data
-        self._id = robot.frame_id(self.frame)
+        self._id = robot.frame_id(self._frame)
         if self._with_world and robot.model.frames[self._id].parentJoint == 0:
             raise InputError(
                 f"contact '{self.name}': frame '{self.frame}' is bolted to the world, and needs no contact"
@@ -358,8 +359,18 @@ class SoleContact(HeldFrame):
 
     By default its normal force is at least 10 N, and less for a light robot (`Robot.force_scale`). Its default costs
     are 10⁻⁵ per N² of shear force, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² of moment.
+
+    Attributes:
+        sole: Name of the sole, read-only, as the following ones are.
+        margin: Distance that the CoP keeps from the edges of the box, m.
+        even: True if the yaw moment is bounded by that of a sole with uniform pressure.
+        torsion: Largest yaw moment divided by the normal force, m; None for flat ground.
     """
 
+    sole: str = result("name", OPTIONS)
+    margin: float = result("_margin", OPTIONS)
+    even: bool = result("_even", OPTIONS)
+    torsion: float | None = result("_torsion", OPTIONS)
     # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
     usual = {"min_force": LEAST_FORCE, "wrench_weight": (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)}
 
@@ -396,7 +407,7 @@ class SoleContact(HeldFrame):
     def bind(self, robot: Robot) -> None:
         """Take frame and rectangle from the robot's sole."""
         sole = robot.sole(self.name)
-        self.name, self.frame = sole.name, sole.frame
+        self.name, self._frame = sole.name, sole.frame
         self._size = sole.length, sole.width
         if self._box is not None:
             self._check_box(self._box, self._centre[:2])

@@ -17,6 +17,9 @@ from wbc.base.numbers import Array, one_or_each, read_only
 from wbc.core.qp.options import Choice
 from wbc.core.robot import Robot
 
+OPTIONS = "it is an option with which this is made: make another one"
+"""Advice in place of an assignment to such an option of a task or a contact."""
+
 RATE = 10.0
 """Velocity per error in inverse kinematics where none is given, 1/s: an error is gone to a third in 0.1 s."""
 
