@@ -30,9 +30,9 @@ from wbc.walking import (
     walk_distance,
 )
 from wbc.walking.contact import GaitPhase
+from wbc.walking.lipm.drift import TURNED
 from wbc.walking.lipm.settings import WalkSettings
 from wbc.walking.lipm.steered_steps import SteeredSteps
-from wbc.walking.lipm.walk import TURNED
 from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
