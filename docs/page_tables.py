@@ -464,15 +464,20 @@ def _number(value: float) -> str:
 
 
 def answer_rows(page: str) -> Iterator[str]:
-    """Questions of a page of measurements, bold at the head of a paragraph, with the first sentence behind each."""
-    yield from ("| Question | Answer |", "|---|---|")
+    """Questions of a page of measurements, bold at the head of a paragraph, with the first sentence behind each.
+
+    Behind a question may stand `*(older law, DATE)*`, which has a column of its own.
+    """
+    yield from ("| Question | Answer | Older law |", "|---|---|---|")
     heading = ""
     for line in (DOCS / f"{page}.md").read_text("utf-8").splitlines():
         if title := re.match(r"##+ (.*)", line):
             heading = title[1].lower().replace(" ", "-")
-        elif found := re.match(r"\*\*(.+?\?)\*\* (.+?\.)(?= [A-Z`]|$)", line):
-            question, answer = (re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", text) for text in found.groups())
-            yield f"| [{question}]({page}.md#{heading}) | {answer} |"
+        elif found := re.match(r"\*\*(.+?\?)\*\* (?:\*\(older law, (.+?)\)\* )?(.+?\.)(?= [A-Z`]|$)", line):
+            question, law, answer = (
+                re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", text or "") for text in found.groups()
+            )
+            yield f"| [{question}]({page}.md#{heading}) | {answer} | {law} |"
 
 
 def ground_rows() -> Iterator[str]:
