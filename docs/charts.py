@@ -103,55 +103,9 @@ def draw_rough(path: Path) -> None:
     draw_shares(path, table("measured_walks.md", "Free steps, blind, flat feet"), {1: (BLUE, "g1")})
 
 
-def draw_floors(path: Path) -> None:
-    """Cost of transport over the stiffness of the floor, for each robot, kind of steps and sole."""
-    rows = [
-        [*row[0].split(", "), *row[1:]]
-        for row in table("measured_floors.md", "Robot, stiffness of the floor, N/m³")
-    ]
-    series = (
-        (2, ORANGE, "--", "planned, flat sole"),
-        (3, ORANGE, "-", "planned, default sole"),
-        (4, BLUE, "--", "free, flat sole"),
-        (5, BLUE, "-", "free, default sole"),
-    )
-    robots = list(dict.fromkeys(row[0] for row in rows))
-    figure, axes = plt.subplots(1, len(robots), figsize=(8.4, 3.6), sharey=True, layout="constrained")
-    for axis, robot in zip(axes, robots, strict=True):
-        of_robot = [row for row in rows if row[0] == robot]
-        for column, colour, style, label in series:
-            found = [numbers(row[column]) for row in of_robot]
-            cost = [each[1] if len(each) > 1 else np.nan for each in found]
-            axis.plot(range(len(cost)), cost, style, color=colour, label=label)
-            for whole in (True, False):
-                places = [i for i, each in enumerate(found) if len(each) > 1 and (each[0] == 2) is whole]
-                axis.plot(
-                    places, [cost[i] for i in places], "o", color=colour, mfc=colour if whole else "white"
-                )
-        axis.set_xticks(range(len(of_robot)), [row[1] for row in of_robot])
-        axis.set_xlabel("stiffness of the floor (N/m³)")
-        axis.set_title(robot, fontsize=10)
-        axis.set_ylim(0.0)
-    axes[0].set_ylabel("cost of transport")
-    axes[0].legend(frameon=False, fontsize=8, loc="upper left")
-    save(figure, path)
-
-
 def draw_own_soles(path: Path) -> None:
     """Share of walks on own soles that arrive on a soft floor and over tilting plates."""
     draw_shares(path, table("measured_floors.md", "Free steps, 1.5 m, own flat soles"), {1: (BLUE, "arrive")})
-
-
-def draw_soles(path: Path) -> None:
-    """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
-    rows = table("measured_floors.md", "Walks that arrive, of 20:")
-    cells = next(cells for floor, *cells in rows if floor == "1e6 N/m³")
-    soles = ["own flat sole", "rigid", "soft", "variable"]
-    shares = [
-        [sole, f"{int(sum(found))} of {20 * len(found)}"]
-        for sole, found in zip(soles, map(numbers, cells), strict=True)
-    ]
-    draw_shares(path, shares, {1: (BLUE, "arrive")})
 
 
 def draw_standing(path: Path) -> None:
@@ -169,24 +123,6 @@ def draw_standing(path: Path) -> None:
     axis.set_xticks(range(4), ["forward", "left", "back", "right"])
     axis.set_ylabel("largest impulse (Ns/kg)")
     axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
-    save(figure, path)
-
-
-def draw_rules(path: Path) -> None:
-    """Gain in held punches of each change, with the exact interval given the number of pairs that differ."""
-    rows = table("measured_pushes.md", "What is different | Pairs |")
-    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
-    for i, row in enumerate(rows):
-        pairs, (gained, lost) = numbers(row[1])[0], (int(value) for value in numbers(row[2]))
-        differ = gained + lost
-        if differ:
-            ends = [100.0 * differ * (2.0 * end - 1.0) / pairs for end in share_interval(gained, differ)]
-            axis.plot(ends, [i, i], color=BLUE, lw=1.8)
-        axis.plot(100.0 * (gained - lost) / pairs, i, "o", color=BLUE)
-    axis.axvline(0.0, color="black", lw=1.0)
-    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
-    axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_xlabel("gain in held punches (% of the pairs)")
     save(figure, path)
 
 
@@ -245,15 +181,12 @@ def main() -> None:
     mpl.use("Agg")
     mpl.rcParams |= {"svg.hashsalt": "wbc", "svg.fonttype": "none", "font.family": "sans-serif"}
     for name, draw in (
-        ("measured_floors.svg", draw_floors),
         ("measured_kinematics.svg", draw_kinematics),
         ("measured_own_soles.svg", draw_own_soles),
         ("measured_policies.svg", draw_policies),
         ("measured_rough.svg", draw_rough),
-        ("measured_rules.svg", draw_rules),
         ("measured_seeing.svg", draw_seeing),
         ("measured_slip.svg", draw_slip),
-        ("measured_soles.svg", draw_soles),
         ("measured_standing.svg", draw_standing),
         ("measured_tour.svg", draw_tour),
     ):
