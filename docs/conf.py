@@ -70,7 +70,7 @@ napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
 CLONE = re.compile(
-    r"^> In a clone [^\n]*\n|^<!-- members of wbc\.(?!core\.qp\.options)[^\n]* -->\n.*?^<!-- end -->$",
+    r"^> The tables give [^\n]*\n|^<!-- members of wbc\.(?!core\.qp\.options)[^\n]* -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """What those read in a clone for whom the docstrings are missing: a line, and tables of members of classes."""

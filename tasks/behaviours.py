@@ -46,7 +46,8 @@ class Scope:
     """Argument of the functions of a state: the parts of the program, the time, and what lives as long as the state.
 
     Attributes:
-        program, controller: The program, and the controller with all tasks, contacts and limits.
+        program: The program.
+        controller: Controller with all tasks, contacts and limits.
         path: Names of the machines around the state and of the state itself, with slashes between.
         began: Time at which the state began, s.
     """
@@ -138,15 +139,15 @@ class Behaviour:
         self._start, self._tick, self._end = (each or (lambda now: None) for each in (start, tick, end))
 
     def start(self, now: Scope) -> None:
-        """Begin: called once."""
+        """Act once, when the state begins, in its `Scope`."""
         self._start(now)
 
     def tick(self, now: Scope) -> None:
-        """Run one tick."""
+        """Act in every tick of the state, in its `Scope`."""
         self._tick(now)
 
     def end(self, now: Scope) -> None:
-        """End: called once."""
+        """Act once, when the state ends, in its `Scope`."""
         self._end(now)
 
     def outcome(self, now: Scope) -> str | None:
@@ -312,7 +313,9 @@ class Program(Control):
     """Execution of a state machine: one tick of the machine before each tick of a controller.
 
     Attributes:
-        machine, control, controller: The machine, the control that it drives, and the controller with all tasks.
+        machine: The state machine.
+        control: Control whose ticks follow those of the machine, or a `Controller` that another loop solves.
+        controller: Controller to which states add tasks, contacts and limits; that of the control.
         time: Time since the start, s.
         outcome: Outcome of the machine; None before its end. The control goes on unchanged after the end.
         fault: Fault of this tick, "infeasible", "stopped" or "fall"; None without one.

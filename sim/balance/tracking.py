@@ -28,7 +28,7 @@ LOADED = 0.05
 
 @settings(kw_only=True, eq=False)
 class TrackSpec(TrialSpec):
-    """Specification of a trial that tracks a clip: the fields of `TrialSpec`, and the time after the clip.
+    """Specification of a trial that tracks a clip: robot, sensors, simulation, and the time after the clip.
 
     Attributes:
         after: Time for which the robot stands after the clip, s.

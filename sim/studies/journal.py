@@ -76,15 +76,25 @@ class _Line(BaseModel, strict=True):
 
 @dataclass(frozen=True)
 class Entry:
-    """One row of the journal: a trial's spec, status and result, as plain values."""
+    """One row of the journal: a trial's spec, status and result, as plain values.
+
+    Attributes:
+        spec: Spec of the trial.
+        status: End of the trial: "done", "diverged", "timeout" or "crashed".
+        result: Result of the trial; None without one.
+        clock: Wall-clock timings; None without a result.
+        error: Reason why there is no result; None with one.
+        version: Version of the code that ran the trial.
+        ended: Date and time of the end (UTC).
+    """
 
     spec: Mapping[str, Any]
     status: Status
     result: Mapping[str, Any] | None
-    clock: Mapping[str, Any] | None  # wall-clock timings
-    error: str | None  # reason why there is no result
-    version: Mapping[str, Any]  # of the code that ran it
-    ended: str = field(default_factory=_now)  # date and time (UTC)
+    clock: Mapping[str, Any] | None
+    error: str | None
+    version: Mapping[str, Any]
+    ended: str = field(default_factory=_now)
 
     @cached_property
     def key(self) -> str:

@@ -65,7 +65,7 @@ RAMP_NAME = "ramp"
 
 @settings(kw_only=True, eq=False)
 class WalkSpec(TrialSpec):
-    """Specification of one simulated walk: the fields of `TrialSpec`, and the ones below.
+    """Specification of one simulated walk: robot, feet, ground, sensors, steps, pushes and seeds.
 
     Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. If it names a file (of
     a robot, "path" of a policy, "source" of a ground), the written name ends with "#" and the hash of its content.

@@ -219,4 +219,4 @@ def test_pages_of_the_reference_say_in_a_clone_how_to_read_it() -> None:
     assert len(pages) > 8
     for page in pages:
         before = page.read_text("utf-8").partition(".. automodule::")[0]
-        assert re.search(r"^> In a clone .* type `", before, re.MULTILINE), page.name
+        assert re.search(r"^> .* type `python -m pydoc wbc\.", before, re.MULTILINE), page.name

@@ -150,6 +150,7 @@ class Robot:
     torque_upper: Array = fixed(DESCRIBED)
     torque_limit: Array = fixed(DESCRIBED)
     half_sitting: Array = fixed(DESCRIBED)
+    passive: NDArray[np.intp]
 
     @checked
     def __init__(

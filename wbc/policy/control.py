@@ -241,7 +241,7 @@ class PolicyControl(SteeredControl):
         return self.observed.motion
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """See `DriveControl.release`: the policy sees released joints at rest in its default posture, too.
+        """Leave joints to somebody else from the next tick on; the policy sees them at rest in its default posture.
 
         With `sees_arms=True` it sees them where they are. It is an `InputError` where the QP moves arms or filters
         them: it shares the joints with the policy.

@@ -59,7 +59,7 @@ REACH, AHEAD = 0.1, 0.05
 
 
 class PolicyFilter:
-    """Settings of a filter of a policy.
+    """Filter of a policy: limits that its torques keep, where the torques of some joints, the arms, give way.
 
         hands = CollisionLimit("all", shapes=description.collision_shapes(), recovery=100.0, influence=0.5)
         policy = PolicyControl(robot, "policy.onnx", dt, filter=PolicyFilter(robot.joint_names[15:], [hands]))
@@ -87,8 +87,8 @@ class PolicyFilter:
                 in time with recovery=100 and influence=0.5.
             speed: Greatest speed of the arms over that of the model. Collision limits do not stop faster arms in time.
             margin: Distance that the arms keep from their stops, rad.
-            reaction: Greatest moment about each axis of the base that may accelerate the arms, Nm; 0.6 for each kg of
-                the robot when None. More than that throws the trunk about, and the policy falls.
+            reaction: Greatest moment about each axis of the base that may accelerate the arms, Nm; 0.6 Nm/kg times the
+                mass of the robot when None. More than that throws the trunk about, and the policy falls.
         """
         self.arms, self.limits = tuple(names_in("arms of a filter", arms)), tuple(limits)
         self._speed, self._margin, self._reaction = speed, margin, reaction

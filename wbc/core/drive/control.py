@@ -89,7 +89,7 @@ class State(NamedTuple):
 
 
 class Control:
-    """Protocol of whatever answers a measurement with a command: drives, a walk, a policy, its guard, or a program.
+    """Base of all controls, which answer a measurement with a command: drives, walks, policies, guards, programs.
 
     Whoever runs a control (`wbc.run`, trials, programs, logs and views) asks for nothing but what is here. A control of
     your own derives from this class. With drives it writes `act`, which ends with `drives.act` or `drives.relay`, and

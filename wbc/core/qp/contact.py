@@ -150,7 +150,7 @@ class Contact(Motion):
 
     @property
     def wrench_weight(self) -> Array:
-        """See `ContactOptions`; shape (dim,), read-only."""
+        """Cost per N² and (Nm)² of the force variables, shape (dim,), read-only; assign a scalar or an array."""
         return read_only(self._wrench_weight)
 
     @wrench_weight.setter
@@ -160,7 +160,7 @@ class Contact(Motion):
 
     @property
     def motion_weight(self) -> Array | None:
-        """See `ContactOptions`; shape (dim,), read-only."""
+        """Cost of the contact's motion, shape (dim,), read-only; None where its motion is a constraint."""
         return read_only(self._numbers.weight) if self._yields else None
 
     @motion_weight.setter

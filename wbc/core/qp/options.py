@@ -30,7 +30,8 @@ class TaskOptions(TypedDict, total=False):
     Attributes:
         name: Name in status tables and solutions, unique within a controller; when None, it is made from the class and
             the frame or contact.
-        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
+        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; its default depends on the task. It is
+            without effect on a hard task.
         hard: Make the rows a constraint instead of a cost; False by default.
     """
 
@@ -43,14 +44,15 @@ class GainOptions(TaskOptions, total=False):
     """Options of tasks with an error: those of all tasks, and gains.
 
     Attributes:
-        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
+        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0; its default depends on the task.
         damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
             the default.
         rate: Velocity per error in inverse kinematics, 1/s, scalar or shape (dim,), ≥ 0; 10 by default. Inverse
             kinematics does not use stiffness and damping.
-        error_bound: Largest component of the error, in its unit (m, rad), scalar or shape (dim,), > 0. A longer error
+        error_bound: Largest component of the error, in its unit (m, rad), scalar or shape (dim,), > 0; by default 0.1 m
+            (for the centre of mass 0.3 m) and 1 rad, `math.inf` for no bound. A longer error
             is shortened to the bound, in its own direction, so that a distant target does not cause a larger
-            acceleration. 0.1 m (for the centre of mass 0.3 m) and 1 rad by default; `math.inf` for no bound.
+            acceleration.
     """
 
     stiffness: ArrayLike
@@ -76,14 +78,17 @@ class ContactOptions(TypedDict, total=False):
     """Options of all contacts.
 
     Attributes:
-        min_force: Smallest normal force while active, N; zero by default.
+        min_force: Smallest normal force while active, N; by default 10 N for a sole, less for a light robot
+            (`Robot.force_scale`), and zero for other contacts.
         max_force: Greatest normal force, N; four times the robot's weight (with its load) when None, the default.
         ramp: Time of the force ramp when the contact is switched, s; 0.1 by default. Switched on, the greatest force
             grows from zero; switched off, it decays from what the contact has carried in the last tick.
         stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
         damping: Damping of contact velocity, 1/s; critical when None, the default.
         rate: Velocity per error in inverse kinematics, 1/s: pull back to where the contact was made; 10 by default.
-        wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
+        wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero;
+            by default 1e-6 for the normal force of a sole, 1e-3 for its moments, 1e-8 for a fixed contact or a loop
+            closure, and 1e-5 for other forces.
         active: Start active, with full load allowed; True by default.
         motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
             then give way, on ground of unknown shape, and can make no QP infeasible. None, the default: the contact
