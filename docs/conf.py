@@ -80,9 +80,9 @@ LISTED = re.compile(r"^<!-- (names|members) of ([\w.]+)(?:: ([\w, ]+))? -->$", r
 
 MEMBERS_OF, INSIDE = (
     re.compile(r"^<!-- members of \S*\.(\w+)", re.MULTILINE),
-    re.compile(r"\[([^]]+)\]\(#(\w+)\)"),
+    re.compile(r"\[([^]]+)\]\((?:wbc\.md)?#(\w+)\)"),
 )
-"""Class whose members have a table with a heading, and link to a heading of the same page."""
+"""Class whose members have a table with a heading, and link to a heading of the same page or of that of `wbc`."""
 
 OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
 """Links to Markdown outside of the documentation."""
@@ -99,7 +99,9 @@ def change_source(app: Sphinx, docname: str, source: list[str]) -> None:
     gone = {name.lower() for name in MEMBERS_OF.findall(source[0])}.difference(
         name.lower() for name in re.findall(r"^### (\w+)$", text, re.MULTILINE)
     )
-    text = INSIDE.sub(lambda found: found[1] if found[2] in gone else found[0], text)
+    text = INSIDE.sub(
+        lambda found: found[1] if found[2] in gone or "(wbc.md#" in found[0] else found[0], text
+    )
     if entries := list(_entries(source[0], docname)):
         text = text.replace("\n## Members\n", "\n## Reference\n")
         text += "\n".join(("\n```{eval-rst}", *entries, "```\n"))

@@ -19,6 +19,8 @@ import docstring_parser
 
 SETTINGS_PAGE = (Path(__file__).parent / "settings.md").read_text("utf-8")
 
+WBC_PAGE = (Path(__file__).parent / "api" / "wbc.md").read_text("utf-8")
+
 NAMES = re.compile(r"^<!-- names of ([\w.]+): ([\w, ]+) -->$", re.MULTILINE)
 """Mark of a table of some names of a package."""
 
@@ -79,6 +81,9 @@ def _linked(thing: Any, page: str) -> str:
         if base is not thing and len(left) <= MANY_ARGUMENTS:
             others = f"and `{arguments_of(thing, only=left)[2:-2]}`"
             return f"[fields of `{base.__name__}`](#{base.__name__.lower()}) {others if left else ''}".strip()
+    table = re.search(rf"^<!-- members of wbc\.{thing.__name__}: ([\w, ]+) -->$", WBC_PAGE, re.MULTILINE)
+    if table is not None and {*names} <= {*table[1].split(", ")}:
+        return f"[fields](wbc.md#{thing.__name__.lower()})"
     return ""
 
 

@@ -62,7 +62,7 @@ class RobotDescription:
             plant and in the controller's model.
         torque_ranges: Joint → (smallest, largest) torque, Nm, of joints whose limits differ by direction.
         passive: Joints without a drive, whose torque is zero, such as those of the rods in a closed chain.
-        closures: Where closed chains close.
+        closures: Closures of kinematic chains, pairs of frames that stay together.
         foot_inertia: Sole → inertia that a foot adds to its leg, as the ten numbers of `toDynamicParameters` of a
             `pin.Inertia` in the frame of the last joint of the leg; it is in the controller's model, since a plant
             builds the feet itself.

@@ -79,11 +79,11 @@ class Study:
     """Study: trials that answer a question, in cells (rows) and arms (columns).
 
     Attributes:
-        name: Name.
+        name: Name of the study.
         about: Question that the study answers.
         kind: Kind of the trials: a registered name, or "FILE.py:NAME".
         base: Parts of a spec that all trials share.
-        cells: Rows.
+        cells: Rows of the table, such as grounds; each is a part of the specs.
         arms: Columns: name → parts of the specs.
         seeds: Seeds of the trials of every arm in every cell.
         metric: Part of the results that the table shows, such as "zmp_error.mean"; that of the kind when None.

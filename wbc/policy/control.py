@@ -189,7 +189,7 @@ class PolicyControl(SteeredControl):
         self._begin_policy()
 
     def doubts(self) -> tuple[str, ...]:
-        """Return what of the policy hardly fits the robot, one line each; the control logs it when it is made.
+        """Return parts of the policy that hardly fit the robot, one line each; the control logs it when it is made.
 
         They are gains that differ from those that the description of the robot states by more than a tenth, joints
         whose default position is beyond their stops, and a network that takes longer than its period.

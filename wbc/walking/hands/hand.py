@@ -125,6 +125,7 @@ class Hand:
     """One hand.
 
     Attributes:
+        state: Stage of its work, a `HandState`.
         index: Its place in `Measurement.hand_wrenches`.
         arm: Its arm, which it leads while it is not free.
         tip: Place of its tip in its frame, shape (3,), m: the point at which it presses.
@@ -132,7 +133,7 @@ class Hand:
         grasp: What it grips; active while it does.
         measured: Placement of its frame as it is estimated, in the world; a view.
         direction: Direction in which the hand presses, in the world, shape (3,).
-        pressed: Force with which it presses, as measured, along that direction, N.
+        pressed: Force with which it presses, as measured, along `direction`, N.
         ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
         force: Ramp of the force that is asked for, N.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on

@@ -53,7 +53,7 @@ class Solution:
     """Result of one tick; owns its arrays.
 
     Attributes:
-        status: Which step of the solver's ladder succeeded. When `ok` is False the arrays hold the last good solution.
+        status: Step of the solver's ladder that succeeded. When `ok` is False the arrays hold the last good solution.
         variables: Accelerations, then contact wrenches, shape (n,).
         torques: Joint torques, shape (na,), Nm (or N).
         iterations: Outer iterations of the solver.
