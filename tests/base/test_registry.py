@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -128,14 +129,18 @@ def test_a_file_gives_an_entry_whose_name_has_its_hash(code: Path) -> None:
     assert sys.path == before
 
 
-def test_data_run_no_code_but_that_of_a_file_which_a_user_has_named(code: Path) -> None:
+@pytest.mark.parametrize("named", [lambda code: {"robot": [f"{code}:HALF"]}, str, Path])
+def test_data_run_no_code_but_that_of_a_file_which_a_user_has_named(
+    code: Path, named: Callable[[Path], object]
+) -> None:
+    registry._allowed.clear()
     things = Registry("thing", check=of_numbers)
     assert not is_data()
     with reading_data():
         assert is_data()
         with pytest.raises(InputError, match="allow_code"):
             things.find(f"{code}:HALF")
-        allow_code({"robot": [f"{code}:HALF"]}, None, 3)
+        allow_code(named(code), None, 3)
         assert things.find(f"{code}:HALF")[1] > 3.0
     assert not is_data()
     registry._allowed.clear()

@@ -48,11 +48,11 @@ def is_data() -> bool:
 
 
 def code_of(*values: Any) -> Iterator[str]:
-    """Yield the files of code that values name as "mine.py:NAME", and all paths in them."""
+    """Yield the files of code that values name as "mine.py:NAME" or "mine.py", and all paths in them."""
     for value in values:
         if isinstance(value, (Mapping, list, tuple)):
             yield from code_of(*(value.values() if isinstance(value, Mapping) else value))
-        elif isinstance(value, Path):
+        elif isinstance(value, Path) or str(value).endswith(".py"):
             yield str(value)
         elif in_file(value):
             yield value.rpartition(":")[0]
