@@ -120,7 +120,6 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: terrain("stones", smallest=0.2), "smallest"),
         (lambda: terrain("flat", 0.01), "amplitude"),
         (lambda: terrain("slope", length=0.5), "ramp"),
-        (lambda: terrain("flat", length=100.0, width=12.0), "100 m x 12 m"),
         (lambda: ground("stones", 1e9), "amplitude"),
         (lambda: terrain("flat").profile(1.0, 0.5), "x1"),
         (lambda: terrain("patchwork", families="boards:0.5"), "height"),
