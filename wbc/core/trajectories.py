@@ -283,10 +283,22 @@ class Trajectory:
                     f"points of a trajectory that follow each other must differ, {i} and {i + 1} are {waypoints[i]}"
                 )
             lengths = np.ones(1)
-        path, self.duration = _fit(
-            np.array(waypoints), begin, (lengths, parts, speeds, accelerations), duration
-        )
-        self._starts, self._pieces = path.pieces(self.duration)
+        path = _Path(np.array(waypoints), begin, lengths, parts, speeds, accelerations)
+        found, excess = path.find(duration)
+        if excess > KEPT and begin[1].any():
+            begin[1] = np.zeros_like(begin[1])
+            without = _Path(np.array(waypoints), begin, lengths, parts, speeds, accelerations)
+            if (again := without.find(duration))[1] < excess:
+                path, (found, excess) = without, again
+        if duration is not None and excess > KEPT:
+            least, _ = path.find(None)
+            rule = "at least" if duration < least else "nearer to"
+            raise InputError(
+                f"duration of a trajectory must be {rule} {least:.4g} s to keep its greatest speed and acceleration, "
+                f"got {duration:g} s"
+            )
+        self.duration = found
+        self._starts, self._pieces = path.pieces(found)
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration, shape (n,), at a time since the start, s; at rest outside."""
@@ -306,32 +318,6 @@ def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Arra
     each = np.array([np.linalg.norm(steps[:, part], axis=1) for part in parts])
     length: Array = (each if speeds is None else each / speeds[:, None]).max(axis=0)
     return np.where(length > 1e-12, length, 0.0)
-
-
-_Limits = tuple[Array, Sequence[slice], Array | None, Array | None]
-"""Lengths of the pieces of a path, and its parts with their greatest speeds and accelerations."""
-
-
-def _fit(points: Array, begin: list[Array], limits: _Limits, duration: float | None) -> tuple[_Path, float]:
-    """Return the path through points and its time, s: the given one, or the least within the limits.
-
-    `begin` are velocity and acceleration at the start. Where the limits can only be kept without the acceleration, the
-    path begins without.
-    """
-    path = _Path(points, begin, *limits)
-    found, excess = path.find(duration)
-    if excess > KEPT and begin[1].any():
-        without = _Path(points, [begin[0], np.zeros_like(begin[1])], *limits)
-        if (again := without.find(duration))[1] < excess:
-            path, (found, excess) = without, again
-    if duration is not None and excess > KEPT:
-        least, _ = path.find(None)
-        rule = "at least" if duration < least else "nearer to"
-        raise InputError(
-            f"duration of a trajectory must be {rule} {least:.4g} s to keep its greatest speed and acceleration, "
-            f"got {duration:g} s"
-        )
-    return path, found
 
 
 class _Path:

@@ -6,7 +6,7 @@ soft phalanges: the sole need not be flat or parallel to the ground. The base po
 weighted by its load; the joint velocities with the anchors at rest give the base velocity, which the IMU smooths
 (`wbc.core.estimation.inertial`). The headings of the feet bound the drift of the gyroscope's yaw, except of a foot that
 spins: on one stone, or on an edge, a sole has no area that resists torsion, and its heading says nothing of the body's.
-`Observer.update` has the order of a tick: each of its lines takes what those above it return.
+`Observer.update` has the order of a tick.
 
 For a rigid sole that rolls without slip the construction is exact; a sole that deforms leaves the velocity
 that its material point at the centre of pressure has.
@@ -27,7 +27,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
-from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned_all
+from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.foot import STILL, FootEstimate, FootMotion, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
@@ -249,39 +249,24 @@ class Observer:
             self._check(measurement)
         if soles is not None and len(soles) != len(self._feet):
             raise InputError(f"one sole placement for each of {len(self._feet)} soles, got {len(soles)}")
-        inertial, gyro = self.inertial, measurement.angular_velocity
         first = self.time is None
         dt = 0.0 if self.time is None else measurement.time - self.time
         self.time = measurement.time
 
+        inertial, gyro = self.inertial, measurement.angular_velocity
         imu = self._move_joints(measurement)
         inertial.predict(gyro, measurement.specific_force, dt)
         turn = inertial.rotation.dot(self._imu_rotation_t)  # of the base
         spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - turn.dot(imu.angular)
-        base, rate = turn.tolist(), spin.tolist()
-        moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
-        self._imu_motion = add_cross(moving, rate, at_imu)
         self._wrenches = measurement.wrenches.tolist()
-        self._motions, self.load_shares = motions, loads = self._move_feet(
-            self._wrenches, base, rate, dt, first
-        )
-        self.rest = rest = self._at_rest(motions, loads, self._imu_motion, dt, first)
-        legs, yaw_error = self._imu_by_legs(motions, rest.shares, self._imu_motion)
-        self._correct(legs, yaw_error, rest, dt, first)
+        self._move_feet(turn.tolist(), spin.tolist(), imu, dt, first)
+        self._correct(dt, first)
 
         turn = inertial.rotation.dot(self._imu_rotation_t)
         base, velocity = turn.tolist(), inertial.velocity - np.array(self._imu_motion)
-        # In the world: from soles to CoPs, from the base to CoPs, and first axes of the soles.
-        parts = turned_all(base, [part for motion in motions for part in motion[2:5]])
-        arms, reach, axes = parts[::3], parts[1::3], parts[2::3]
-        self._sink(reach, loads, dt)
-        if soles is not None:
-            self._follow(soles, arms, rest.shares, dt)
-        self._position = place = self._place(reach, rest.shares, velocity, dt)
-        yaws = [yaw_of(axis) for axis in axes]
-        self._settle(reach, yaws, rest.shares, place, dt)
+        self._place(base, velocity, soles, dt)
         pose, linear, angular = self._base
-        pose[:] = *place, *quaternion(base)
+        pose[:] = *self._position, *quaternion(base)
         np.dot(velocity, turn, out=linear)
         np.dot(spin, turn, out=angular)
         if self._predictor is not None:
@@ -302,37 +287,33 @@ class Observer:
             pin.updateFramePlacement(model, data, frame)
         return pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
-    def _move_feet(
-        self, wrenches: Sequence[Vector], base: Rotation, spin: Vector, dt: float, first: bool
-    ) -> tuple[list[FootMotion], list[float]]:
-        """Take in what the feet bear; return how they move, and their shares of the load, zeros while none bears one.
+    def _move_feet(self, base: Rotation, spin: Vector, imu: pin.Motion, dt: float, first: bool) -> None:
+        """Take in what the feet bear and how they move, and find those that rest.
 
-        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s.
+        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `imu` is the velocity of
+        the IMU in the base frame.
         """
-        s, model, data = self.settings, self.robot.model, self._data
+        s, model, data, inertial = self.settings, self.robot.model, self._data, self.inertial
+        moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
+        self._imu_motion = x, y, z = add_cross(moving, spin, at_imu)
         gains = 1.0, 1.0  # the first tick is unfiltered
         if not first:
             gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
         motions: list[FootMotion] = []
         loads: list[float] = []
         for foot, frame, (rotation, place), wrench in zip(
-            self._feet, self._soles, self._sole_frames, wrenches, strict=True
+            self._feet, self._soles, self._sole_frames, self._wrenches, strict=True
         ):
             rate = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
             sole = rotation.tolist(), place.tolist()
             motions.append(foot.update(wrench, sole, rate, base, spin, gains, dt))
             loads.append(max(foot.load - self._min_load, 0.0))
         total = sum(loads)
-        return motions, [load / total for load in loads] if total > 0.0 else loads
-
-    def _at_rest(
-        self, motions: Sequence[FootMotion], loads: Sequence[float], imu: Vector, dt: float, first: bool
-    ) -> FeetAtRest:
-        """Return the feet that rest by the inertial velocity of the base; `imu` is that of the IMU while it turns."""
-        (u, v, w), (x, y, z) = self.inertial.velocity.tolist(), imu
-        velocity = None if first else (u - x, v - y, w - z)
-        steady, slip = self.inertial.steady - complex(x, y), self.settings.slip + self.sinking.speed
-        return self._detector.update(motions, loads, velocity, steady, slip, dt)
+        shares = [load / total for load in loads] if total > 0.0 else loads
+        self._motions, self.load_shares = motions, shares
+        u, v, w = inertial.velocity.tolist()
+        velocity, steady = None if first else (u - x, v - y, w - z), inertial.steady - complex(x, y)
+        self.rest = self._detector.update(motions, shares, velocity, steady, s.slip + self.sinking.speed, dt)
 
     def _check(self, m: Measurement) -> None:
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
@@ -344,83 +325,74 @@ class Observer:
         if not math.isfinite(m.time) or (self.time is not None and m.time < self.time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
-    def _imu_by_legs(
-        self, motions: Sequence[FootMotion], shares: Sequence[float], imu: Vector
-    ) -> tuple[Vector | None, float]:
-        """Return the velocity of the IMU by the feet that rest, m/s, None in flight, and the error of its yaw, rad.
+    def _correct(self, dt: float, first: bool) -> None:
+        """Correct attitude and velocity by the feet that rest; feet that slip or strike the ground count otherwise.
 
-        The velocity is in the world; `imu` is the part of it that the base has by turning. A foot that spins tells no
-        yaw: its heading follows.
+        A foot that spins tells no yaw: its heading follows.
         """
-        if not any(shares):
-            return None, 0.0
-        # Of the base: minus the velocity that the anchors would have if the base only turned.
-        vx = vy = vz = yaw_error = 0.0
-        for foot, motion, share in zip(self._feet, motions, shares, strict=True):
-            if share == 0.0:
-                continue
-            x, y, z = motion.velocity
-            vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-            if abs(motion.rotation[2]) > self.settings.spin:
-                foot.yaw = motion.heading
-            else:
-                yaw_error += share * wrapped(foot.yaw - motion.heading)
-        x, y, z = imu
-        return (vx + x, vy + y, vz + z), yaw_error
-
-    def _correct(
-        self, legs: Vector | None, yaw_error: float, rest: FeetAtRest, dt: float, first: bool
-    ) -> None:
-        """Correct attitude and velocity by the legs; a foot that slips or has struck the ground counts otherwise."""
-        inertial = self.inertial
-        if legs is not None and (first or rest.struck):
-            inertial.take(np.array(legs))
-        elif legs is None and any(rest.slides):
+        inertial, rest, yaw_error = self.inertial, self.rest, 0.0
+        legs: Vector | None = None  # velocity of the IMU, m/s
+        if any(rest.shares):
+            # Of the base: minus the velocity that the anchors would have if the base only turned.
+            vx = vy = vz = 0.0
+            for foot, motion, share in zip(self._feet, self._motions, rest.shares, strict=True):
+                if share == 0.0:
+                    continue
+                x, y, z = motion.velocity
+                vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
+                if abs(motion.rotation[2]) > self.settings.spin:
+                    foot.yaw = motion.heading
+                else:
+                    yaw_error += share * wrapped(foot.yaw - motion.heading)
+            x, y, z = self._imu_motion
+            legs = vx + x, vy + y, vz + z
+            if first or rest.struck:
+                inertial.take(np.array(legs))
+        elif any(rest.slides):
             inertial.return_to_steady()
         inertial.correct(legs, yaw_error, dt)
         if rest.sliding and legs is not None:
             inertial.take(inertial.velocity)
 
-    def _sink(self, reach: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
-        """Learn the compliance of the ground while both feet have shares of the load; `reach` is from base to CoPs."""
-        loads = [foot.load for foot in self._feet]
-        heights = [height - foot.rolled for (_, _, height), foot in zip(reach, self._feet, strict=True)]
-        self.sinking.update(loads, heights, dt, carry=all(shares))
+    def _place(self, base: Rotation, velocity: Array, soles: Soles | None, dt: float) -> None:
+        """Place the base by the anchors, in flight by its velocity in the world, m/s, and let the anchors settle.
 
-    def _follow(self, soles: Soles, arms: Sequence[Vector], shares: Sequence[float], dt: float) -> None:
-        """Draw the anchors of feet that rest to soles in the controller's model; `arms` are from these to the CoPs."""
-        gain = lag_gain(dt, self.settings.reference_time_constant)
-        for share, foot, (u, v, w), sole in zip(shares, self._feet, arms, soles, strict=True):
-            if sole is not None and share != 0.0:
-                x, y, z = sole.translation.tolist()
-                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)
-
-    def _place(self, reach: Sequence[Vector], shares: Sequence[float], velocity: Array, dt: float) -> Vector:
-        """Return the place of the base in the world, m: by the anchors, in flight by its velocity, m/s."""
+        `base` is the rotation of the base; `soles` are placements in the controller's model.
+        """
+        feet, shares = self._feet, self.rest.shares
+        # In the world: from the base to the CoPs, and first axes of the soles.
+        parts = turned_all(base, [part for motion in self._motions for part in motion[3:5]])
+        reach, yaws = parts[::2], [yaw_of(axis) for axis in parts[1::2]]
+        self.sinking.update(
+            [foot.load for foot in feet],
+            [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
+            dt,
+            carry=all(self.load_shares),
+        )
+        if soles is not None:
+            self._follow(soles, base, dt)
         x = y = z = 0.0
         if any(shares):
-            for share, foot, (u, v, w) in zip(shares, self._feet, reach, strict=True):
+            for share, foot, (u, v, w) in zip(shares, feet, reach, strict=True):
                 at_x, at_y, at_z = foot.anchor
                 x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
-            return x, y, z
-        (x, y, z), (u, v, w) = self._position, velocity.tolist()
-        return x + dt * u, y + dt * v, z + dt * w
-
-    def _settle(
-        self,
-        reach: Sequence[Vector],
-        yaws: Sequence[float],
-        shares: Sequence[float],
-        place: Vector,
-        dt: float,
-    ) -> None:
-        """Let anchors whose distance changes settle, and those of feet without a share follow the base.
-
-        Equal gains leave the common position and yaw unchanged; `yaws` are those of the feet by the base, rad.
-        """
-        feet, (x, y, z), common = self._feet, place, 0.0
+        else:
+            (x, y, z), (u, v, w) = self._position, velocity.tolist()
+            x, y, z = x + dt * u, y + dt * v, z + dt * w
+        self._position = x, y, z
+        # Anchors whose distance changes settle: equal gains leave the common position and yaw unchanged. Those of feet
+        # without a share follow the base.
+        common = 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):
             common += share * wrapped(foot.yaw - yaw)
         slip = lag_gain(dt, self.settings.slip_time_constant)
         for share, foot, (u, v, w), yaw in zip(shares, feet, reach, yaws, strict=True):
             foot.draw((x + u, y + v, z + w), yaw + common, 1.0 if share == 0.0 else slip)
+
+    def _follow(self, soles: Soles, base: Rotation, dt: float) -> None:
+        """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
+        gain = lag_gain(dt, self.settings.reference_time_constant)
+        for share, foot, motion, sole in zip(self.rest.shares, self._feet, self._motions, soles, strict=True):
+            if sole is not None and share != 0.0:
+                (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)
+                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)

@@ -86,8 +86,8 @@ class RestDetector:
             slip: Greatest speed of a foot that stands, m/s.
             dt: Time since the last tick, s.
         """
-        unaided = self._unaided + dt
-        lifts, slides, moves, quick = ([False] * len(feet) for _ in range(4))
+        unaided, none = self._unaided + dt, [False] * len(feet)
+        lifts, slides, moves, quick = none.copy(), none.copy(), none.copy(), none.copy()
         if velocity is not None:
             fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
             u, v, w = velocity
@@ -101,7 +101,7 @@ class RestDetector:
                 slides[i] = along > farthest and not lifts[i]
                 quick[i] = speed > slip or along > SLIDES
             if True in slides and all(self._carried) and _alike(feet):
-                slides = [False] * len(feet)
+                slides = none
         parts = [0.0 if moves[i] or slides[i] else load for i, load in enumerate(loads)]
         total, struck = sum(parts), False
         if total == 0.0:

@@ -84,34 +84,6 @@ class Near(NamedTuple):
 NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 13)))
 
 
-_Look = tuple[int, float, Array, Array, Sequence[float], float, float]
-"""Pair whose faces look at each other: its number, distance, normal, nearest point and twist, m and m/s; the distance
-from which on a corner is late, and the one up to which corners count, m."""
-
-
-class Demand(NamedTuple):
-    """Distances up to which pairs and corners count in a tick.
-
-    Attributes:
-        within: Distance up to which pairs are measured, m.
-        reach: Distance up to which corners count, m.
-        twists: Velocities of the second bodies against the first ones, or those of the obstacles, [linear; angular] at
-            the origin of the world, shape (6, pairs), m/s and rad/s; None for none.
-        counts: Distance of each pair up to which it counts, shape (pairs,), m; None where it is `within` for all.
-        ahead: Time after which a distance counts at its present speed, s.
-        free: Distance up to which it counts then, m.
-        turning: Distance beyond the margin that a turn may take from corners, for each metre between them.
-    """
-
-    within: float
-    reach: float
-    twists: Array | None = None
-    counts: Array | None = None
-    ahead: float = 0.0
-    free: float = math.inf
-    turning: float = math.inf
-
-
 @dataclass(slots=True)
 class _Place:
     """Place of an obstacle among the shapes, the placement that it has there, and its pairs."""
@@ -452,86 +424,79 @@ class CollisionLimit(Barrier):
         rows.fill(0.0)
         room.fill(np.inf)
         self._growth.fill(0.0)
-        bounds = self._bounds()
-        demand = self._demand(dt, of_velocity)
-        asked = (bounds <= (demand.within if demand.counts is None else demand.counts)).nonzero()[0]
-        self._near = near = self._find(demand, asked) if asked.size else NOTHING
-        if not asked.size:
-            return None
+        self._near, moves = near, _ = self._find(dt, of_velocity)
         bent = False
         if near.rows.size:
             moving = self._put(near, rows, room)
             bent = of_velocity and self._bend(near, moving, dt or 0.0)
-        return self._growth if bent or demand.twists is not None else None
+        return self._growth if bent or moves else None
 
-    def _demand(self, dt: float | None, of_velocity: bool) -> Demand:
-        """Return how near pairs count for accelerations or velocities of a period, s, or for a step, without one."""
-        influence, margin, time = self._influence, self._margin, self._time
-        reach = min(influence, margin + NEAR)
-        if dt is None:
-            return Demand(influence, reach)
-        if of_velocity:
-            return Demand(reach, reach, self._beside(), turning=dt * TURNING)
-        twists, free = self._twists(), margin + time * dt * SUDDEN
-        counts = np.minimum(time * self._separation.speeds(twists) + free, influence)
-        return Demand(influence, influence, twists, counts, time, free, time * dt * TURNED)
+    def _find(self, dt: float | None, of_velocity: bool) -> tuple[Near, bool]:
+        """Return the pairs that are near, and the corners of their faces; True with them if speeds count.
 
-    def _find(self, demand: Demand, asked: NDArray[np.intp]) -> Near:
-        """Measure the pairs that may be near; return those that are, and the corners of their faces."""
-        within, reach, twists, counts, ahead, free, turning = demand
+        They are near for velocities or accelerations of a period, s, or for a step, without a period.
+        """
+        bounds, influence, margin = self._bounds(), self._influence, self._margin
+        twists: Array | None = None  # see `_twists`; of velocities, those of the obstacles alone
+        counts: Array | None = None  # distance of each pair up to which it counts, m
+        # Time after which a distance counts at its present speed, distance up to which it counts then, and distance
+        # beyond the margin that a turn may take from corners, for each metre between them.
+        ahead, free, turning = 0.0, math.inf, math.inf
+        within, reach = influence, min(influence, margin + NEAR)  # of pairs and of corners
+        if of_velocity and dt is not None:
+            within, twists, turning = reach, self._beside(), dt * TURNING
+        elif dt is not None:
+            ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
+            reach, twists = influence, self._twists()
+            counts = np.minimum(self._time * self._separation.speeds(twists) + free, influence)
+        asked = (bounds <= (within if counts is None else counts)).nonzero()[0]
+        if not asked.size:
+            return NOTHING, False
         distances = np.array([self._distance_of(row, within) for row in asked.tolist()])
         self._separation.measured(asked, distances)
         pairs: list[Numbers] = []
-        looks: list[_Look] = []
-        margin, results, has_corners = (
-            self._margin,
-            self._geometry_data.distanceResults,
-            self._facing.has_corners,
-        )
+        corners: list[Numbers] = []
+        results, facing = self._geometry_data.distanceResults, self._facing
         moving = itertools.repeat(AT_REST) if twists is None else twists.take(asked, axis=1).T.tolist()
         limits = itertools.repeat(within) if counts is None else counts.take(asked).tolist()
-        for pair, distance, most, twist in zip(
+        for pair, distance, most, (vx, vy, vz, wx, wy, wz) in zip(
             asked.tolist(), distances.tolist(), limits, moving, strict=False
         ):
             if distance > most:
                 continue
             result = results[pair]
             normal, point = result.normal, result.getNearestPoint1()
-            (nx, ny, nz), (x, y, z), (vx, vy, vz, wx, wy, wz) = normal.tolist(), point.tolist(), twist
+            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
             mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-            if distance + ahead * growth < free:
-                pairs.append((distance, pair, distance - margin, growth, nx, ny, nz, mx, my, mz, x, y, z))
-            if has_corners[pair] and distance >= -DEEP:
-                turn = self._spread[pair] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
-                late = margin + turning * self._spread[pair]
-                # A corner further away is slow for its distance.
-                beyond = min(late + ahead * (turn - growth), reach)
-                if distance < beyond:
-                    looks.append((pair, distance, normal, point, twist, late, beyond))
-        corners = self._corners(looks, ahead) if looks else []
-        if not (pairs or corners):
-            return NOTHING
-        numbers = np.array(pairs + corners)
-        owners, n = numbers[:, PAIR].astype(np.intp), len(pairs)
-        return Near(np.concatenate((owners[:n], self._corner_rows[: len(corners)])), owners, numbers)
-
-    def _corners(self, looks: Sequence[_Look], ahead: float) -> list[Numbers]:
-        """Return the corners of faces that look at each other and are too fast for their distance."""
-        found: list[Numbers] = []
-        margin, corners = self._margin, self._facing.corners
-        for pair, distance, normal, point, (vx, vy, vz, wx, wy, wz), late, beyond in looks:
             left = distance - margin
+            if distance + ahead * growth < free:
+                pairs.append((distance, pair, left, growth, nx, ny, nz, mx, my, mz, x, y, z))
+            if not facing.has_corners[pair] or distance < -DEEP:
+                continue
+            turn = self._spread[pair] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
+            late = margin + turning * self._spread[pair]
+            # A corner further away is slow for its distance.
+            beyond = min(late + ahead * (turn - growth), reach)
+            if distance >= beyond:
+                continue
             least = min(left, 0.0)  # what has come too close may not come closer
-            for gap, nx, ny, nz, mx, my, mz, x, y, z in corners(
-                pair, distance, normal, point, beyond, left < TOUCHING
+            touches = left < TOUCHING
+            for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
+                pair, distance, normal, point, beyond, touches
             ):
                 growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
                 if gap + ahead * growth < late:
                     space = gap - margin - least
-                    found.append((gap, pair, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
-        most = len(self._corner_rows)
-        return sorted(found)[:most] if len(found) > most else found
+                    corners.append((gap, pair, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
+        most_corners, moves = len(self._corner_rows), twists is not None
+        if len(corners) > most_corners:
+            corners = sorted(corners)[:most_corners]
+        if not (pairs or corners):
+            return NOTHING, moves
+        numbers = np.array(pairs + corners)
+        owners, n = numbers[:, PAIR].astype(np.intp), len(pairs)
+        return Near(np.concatenate((owners[:n], self._corner_rows[: len(corners)])), owners, numbers), moves
 
     def _put(self, near: Near, rows: Array, room: Array) -> Array:
         """Fill the rows of pairs and corners, and return them.

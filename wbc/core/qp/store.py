@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,41 +53,6 @@ def _kind(task: Task) -> int:
     return SELECTION if isinstance(task, SelectionTask) else int(isinstance(task, VariableTask))
 
 
-class _Groups(NamedTuple):
-    """Tasks, contacts and limits by their places among the rows."""
-
-    hard: Sequence[Task]
-    soft: Sequence[Task]
-    lower: Sequence[Task]  # of lower levels
-    selections: Sequence[SelectionTask]
-    reserved: Sequence[Contact]  # in equalities
-    yielding: Sequence[Contact]
-    forces: Sequence[Contact]
-    single: Sequence[JointLimits]
-    many: Sequence[Limit]  # on many joints
-
-
-def _grouped(
-    levels: Sequence[Sequence[Task]],
-    contacts: Sequence[Contact],
-    limits: Sequence[Limit],
-    *,
-    dynamics: bool,
-) -> _Groups:
-    first = levels[0]
-    return _Groups(
-        hard=sorted((task for task in first if task.hard), key=_kind),
-        soft=sorted((task for task in first if not task.hard and _kind(task) < SELECTION), key=_kind),
-        lower=[task for level in levels[1:] for task in level],
-        selections=[task for task in first if not task.hard and isinstance(task, SelectionTask)],
-        reserved=[contact for contact in contacts if dynamics or not contact._yields],
-        yielding=[contact for contact in contacts if contact._yields],
-        forces=contacts if dynamics else (),
-        single=[limit for limit in limits if isinstance(limit, JointLimits)],
-        many=[limit for limit in limits if not isinstance(limit, (JointLimits, TorqueLimits))],
-    )
-
-
 def _cone_names(contact: Contact) -> list[str]:
     """Return the names of the inequalities of a contact's force."""
     what = "normal force" if len(contact.ranged) == 1 else "wrench"
@@ -115,15 +80,17 @@ class RowStore:
     ) -> None:
         """Allocate the QP and place these items, which are bound to the robot; the first level is that of the QP."""
         self._robot, self._order = robot, order
-        groups = _grouped(levels, contacts, limits, dynamics=order == 2)
-        self._allocate(groups)
-        self._place_targets(groups, contacts)
-        self._place_bounds(groups)
+        dynamics = order == 2
+        hard = sorted((task for task in levels[0] if task.hard), key=_kind)
+        soft = sorted((task for task in levels[0] if not task.hard and _kind(task) < SELECTION), key=_kind)
+        lower = [task for level in levels[1:] for task in level]
+        selections = [task for task in levels[0] if not task.hard and isinstance(task, SelectionTask)]
+        reserved = [contact for contact in contacts if dynamics or not contact._yields]  # equalities
+        yielding = [contact for contact in contacts if contact._yields]
+        forces = contacts if dynamics else ()
+        single = [limit for limit in limits if isinstance(limit, JointLimits)]
+        many = [limit for limit in limits if not isinstance(limit, (JointLimits, TorqueLimits))]
 
-    def _allocate(self, groups: _Groups) -> None:
-        """Make the problem, and the numbers of the rows that are stored."""
-        hard, soft, lower, selections, reserved, yielding, forces, single, many = groups
-        robot, dynamics = self._robot, self._order == 2
         nv, n_torques = robot.nv, robot.na if dynamics else 0
         self._start = robot.base_dof + robot.passive.size if dynamics else 0  # the first row that is stored
         n_eq = self._start + rows_in(reserved) + rows_in(hard)
@@ -131,7 +98,7 @@ class RowStore:
         self._torques, self._joints, self._cones, self._others = consecutive(
             n_torques, rows_in(single), n_cones, rows_in(many)
         )
-        self._of_qp, self._of_lower, self._of_selections = qp, _, selected = consecutive(
+        self._of_qp, self._of_lower, self._of_selections = qp, beside, selected = consecutive(
             n_eq + rows_in(yielding) + rows_in(soft), rows_in(lower), rows_in(selections)
         )
         self.problem = p = Problem(
@@ -146,16 +113,12 @@ class RowStore:
         self._error, self._drift = np.zeros(n), np.zeros(n)
         self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
         p.soft_weight = self._numbers.weight[n_eq - self._start : qp.stop - self._start]
-        self._changed = True  # numbers that do not change in every tick
 
-    def _place_targets(self, groups: _Groups, contacts: Sequence[Contact]) -> None:
-        """Place tasks and contacts in rows one after the other."""
-        hard, soft, lower, selections, reserved, yielding, *_ = groups
-        p = self.problem
         self.places: dict[str, slice] = {}
         self._contacts: list[Block] = []
         self._tasks: list[Block] = []  # those on a motion
         self._on_variables: list[Block] = []
+        self._changed = True  # numbers that do not change in every tick
         items = (*reserved, *hard, *yielding, *soft, *lower, *selections)
         _, *places = consecutive(self._start, *(item.dim for item in items))
         following = iter(places)
@@ -167,25 +130,22 @@ class RowStore:
         for task in soft:
             self._place_task(task, next(following), p.rows)
         for task in lower:
-            self._place_task(task, next(following), self._lower_matrix, self._of_lower.start)
+            self._place_task(task, next(following), self._lower_matrix, beside.start)
         for task in selections:
             self._place_task(task, next(following), None)
         self._place_selections(selections)
 
-    def _place_bounds(self, groups: _Groups) -> None:
-        """Place the inequalities: torques, limits of joints, cones and limits on many joints."""
-        p, robot, dynamics = self.problem, self._robot, self._order == 2
         if dynamics:
             p.inequality_groups["torque limits"] = self._torques
         self._limits: list[tuple[Limit, Array, Array, Array]] = []
-        torques = [f"torque of {joint}" for joint in robot.joint_names] if dynamics else []
-        joints = self._place_limits(groups.single, self._joints.start)
-        cones = [name for contact in groups.forces for name in _cone_names(contact)]
-        self.names = (*torques, *joints, *cones, *self._place_limits(groups.many, self._others.start))
-        bounds = (p.lower[self._joints], p.upper[self._joints]) if groups.single else None
-        demanding = p.inequality[self._others, : robot.nv], p.lower[self._others], p.upper[self._others]
+        torques = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
+        joints = self._place_limits(single, self._joints.start)
+        cones = [name for contact in forces for name in _cone_names(contact)]
+        self.names = (*torques, *joints, *cones, *self._place_limits(many, self._others.start))
+        bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
+        demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
         self._attainable = Attainable(*demanding, bounds, ATTAINABLE if dynamics else BACK)
-        self._demands = bool(groups.many)
+        self._demands = bool(many)
         p.yielding[self._others], p.yielding[self._joints] = 1, 2
 
     # ---- layout -------------------------------------------------------------------------------------------------
