@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import pinocchio as pin
 
@@ -15,8 +15,9 @@ STILL = (0.0, 0.0, 0.0)
 """No motion."""
 
 
-class FootMotion(NamedTuple):
-    """Motion of one foot in one tick, under a base that turns but does not move.
+@dataclass(slots=True)
+class SoleMotion:
+    """Motion of the sole of a foot in one tick, under a base that turns but does not move.
 
     Attributes:
         velocity: Velocity of the CoP in the world, m/s.
@@ -69,7 +70,7 @@ class FootEstimate:
         spin: Vector,
         gains: tuple[float, float],
         dt: float,
-    ) -> FootMotion:
+    ) -> SoleMotion:
         """Take in the wrench on the sole, and return how the foot moves; the anchor moves over the sole with the CoP.
 
         `sole` is the rotation of the sole and its place in the base, `rate` its velocity in the base frame; `base` is
@@ -91,9 +92,9 @@ class FootEstimate:
         ((a, b, _), (c, d, _), (e, f, _)), (at_x, at_y, at_z) = sole
         arm = u, v, w = a * x + b * y, c * x + d * y, e * x + f * y
         point, axis = (at_x + u, at_y + v, at_z + w), (a, c, e)
-        moves = rate.vector.tolist()
-        turning = moves[3:]
-        at_cop = add_cross(moves[:3], turning, arm)
+        x, y, z, p, q, r = rate.vector.tolist()
+        turning = p, q, r
+        at_cop = add_cross((x, y, z), turning, arm)
         step = a * dx + b * dy, c * dx + d * dy, e * dx + f * dy
         (step_x, step_y, step_z), moving, (p, q, r), reach, ahead = turned_all(
             base, (step, at_cop, turning, point, axis)
@@ -104,7 +105,7 @@ class FootEstimate:
         self.rolled += step_z
         (x, y, z), (u, v, w) = add_cross(moving, spin, reach), spin
         sinks = sinking.steady * taken / dt if dt > 0.0 else 0.0
-        return FootMotion((x, y, z + sinks), (p + u, q + v, r + w), arm, point, axis, yaw_of(ahead))
+        return SoleMotion((x, y, z + sinks), (p + u, q + v, r + w), arm, point, axis, yaw_of(ahead))
 
     def draw(self, place: Vector, yaw: float, share: float) -> None:
         """Draw the anchor and the heading at rest a share of the way to a place in the world, m, and a heading, rad."""

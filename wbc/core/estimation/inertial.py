@@ -14,7 +14,8 @@ the integral of the correction, R. Mahony, T. Hamel, J.-M. Pflimlin, IEEE TAC 53
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -59,7 +60,8 @@ STEADY = 0.3
 _HALF = scalar(0.5)
 
 
-class Correction(NamedTuple):
+@dataclass(slots=True)
+class Correction:
     """Correction of the inertial estimate by the legs in one period.
 
     Attributes:
@@ -167,10 +169,12 @@ class InertialFilter:
         The velocity is that of the IMU point in the world, m/s, None in flight; the error is the yaw of the IMU from
         the feet minus that of the filter, rad.
         """
-        s, last = self.settings, self.correction
+        s, correction = self.settings, self.correction
+        before, correction.legs = correction.legs, legs
         if legs is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
-            self.correction = Correction(turned=last.yaw_left)
+            correction.unexplained = correction.left = 0j
+            correction.turned, correction.yaw_left = correction.yaw_left, 0.0
             return
         (x, y, z), (u, v, w) = legs, self.velocity.tolist()
         found = complex(x - u, y - v)
@@ -181,9 +185,10 @@ class InertialFilter:
         tilt, slowly = gain / (GRAVITY * s.tilt_time_constant), 1.0 / s.bias_time_constant
         roll, pitch, heading = -tilt * found.imag, tilt * found.real, yaw * yaw_error
         drift = dt * float(self.rotation[2].dot(self.gyro_bias - self._bias_at_rest))
-        unexplained = 0j if last.legs is None else found - last.left
-        turned, yaw_left = drift - (yaw_error - last.yaw_left), (1.0 - yaw) * yaw_error
-        self.correction = Correction(legs, unexplained, turned, found * (1.0 - gain), yaw_left)
+        correction.unexplained = 0j if before is None else found - correction.left
+        correction.left = found * (1.0 - gain)
+        correction.turned = drift - (yaw_error - correction.yaw_left)
+        correction.yaw_left = (1.0 - yaw) * yaw_error
         # In plain numbers: NumPy takes three times as long to divide an array by one.
         self.gyro_bias -= np.array((slowly * roll, slowly * pitch, slowly * heading)).dot(self.rotation)
         self.rotation = pin.exp3(np.array((roll, pitch, heading))).dot(self.rotation)

@@ -29,7 +29,7 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import STILL, FootEstimate, FootMotion, wrapped, yaw_of
+from wbc.core.estimation.foot import STILL, FootEstimate, SoleMotion, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.rest import FeetAtRest, RestDetector
@@ -206,7 +206,7 @@ class Observer:
         self.rest = FeetAtRest([0.0] * n, [False] * n, [False] * n)
         # Of the last tick: wrenches on the soles, motions of the feet, and that of the IMU while the base only turns.
         self._wrenches = [[0.0] * 6] * n
-        self._motions = [FootMotion(STILL, STILL, STILL, STILL, STILL, 0.0)] * n
+        self._motions = [SoleMotion(STILL, STILL, STILL, STILL, STILL, 0.0)] * n
         self._imu_motion: Vector = STILL
 
     @property
@@ -299,7 +299,7 @@ class Observer:
         gains = 1.0, 1.0  # the first tick is unfiltered
         if not first:
             gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
-        motions: list[FootMotion] = []
+        motions: list[SoleMotion] = []
         loads: list[float] = []
         for foot, frame, (rotation, place), wrench in zip(
             self._feet, self._soles, self._sole_frames, self._wrenches, strict=True
@@ -361,7 +361,7 @@ class Observer:
         """
         feet, shares = self._feet, self.rest.shares
         # In the world: from the base to the CoPs, and first axes of the soles.
-        parts = turned_all(base, [part for motion in self._motions for part in motion[3:5]])
+        parts = turned_all(base, [part for motion in self._motions for part in (motion.point, motion.axis)])
         reach, yaws = parts[::2], [yaw_of(axis) for axis in parts[1::2]]
         self.sinking.update(
             [foot.load for foot in feet],

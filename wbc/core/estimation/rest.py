@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from wbc.base.vectors import Vector
-from wbc.core.estimation.foot import FootMotion
+from wbc.core.estimation.foot import SoleMotion
 
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot rested, over the time, m/s²."""
@@ -38,7 +38,8 @@ STRUCK = 0.03
 the accelerometer's samples have missed an impact. A foot that lands on an edge seems to sink for 0.02 s."""
 
 
-class FeetAtRest(NamedTuple):
+@dataclass(slots=True)
+class FeetAtRest:
     """Feet that rest in one tick, and those that move.
 
     Attributes:
@@ -69,7 +70,7 @@ class RestDetector:
 
     def update(
         self,
-        feet: Sequence[FootMotion],
+        feet: Sequence[SoleMotion],
         loads: Sequence[float],
         velocity: Vector | None,
         steady: complex,
@@ -117,7 +118,7 @@ class RestDetector:
             self._unaided, self._sliding = 0.0, False
         return FeetAtRest([part / total for part in parts], lifts, slides, struck, self._sliding)
 
-    def _along(self, foot: FootMotion, carried: float, steady: complex) -> float:
+    def _along(self, foot: SoleMotion, carried: float, steady: complex) -> float:
         """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip yet."""
         if carried <= (0.0 if self._sliding else SETTLED):
             return 0.0
@@ -126,7 +127,7 @@ class RestDetector:
         return speed if self._sliding else speed - TURNS * math.hypot(u, v)
 
 
-def _alike(feet: Sequence[FootMotion]) -> bool:
+def _alike(feet: Sequence[SoleMotion]) -> bool:
     """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
     (a, b, _), (c, d, _) = feet[0].velocity, feet[-1].velocity
     return len(feet) > 1 and math.hypot(a - c, b - d) < SLIDES
