@@ -92,11 +92,17 @@ class RestDetector:
         if velocity is not None:
             fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
             u, v, w = velocity
+            settled = 0.0 if self._sliding else SETTLED
             for i, (foot, load) in enumerate(zip(feet, loads, strict=True)):
                 x, y, z = foot.velocity
                 speed, rise = math.hypot(x + u, y + v, z + w), z + w
                 self._carried[i] = carried = self._carried[i] + dt if load > CARRIES else 0.0
-                along = self._along(foot, carried, steady)
+                along = 0.0  # by the steady velocity; a foot that has carried for less cannot slip yet
+                if carried > settled:
+                    along = abs(complex(x, y) + steady)
+                    if not self._sliding:
+                        p, q, _ = foot.rotation
+                        along -= TURNS * math.hypot(p, q)
                 self._sunk[i] = self._sunk[i] + dt if rise < -fastest and load > 0.0 else 0.0
                 lifts[i], moves[i] = abs(rise) > fastest, speed > fastest
                 slides[i] = along > farthest and not lifts[i]
@@ -117,14 +123,6 @@ class RestDetector:
         if not any([quick[i] and part > 0.0 for i, part in enumerate(parts)]):
             self._unaided, self._sliding = 0.0, False
         return FeetAtRest([part / total for part in parts], lifts, slides, struck, self._sliding)
-
-    def _along(self, foot: SoleMotion, carried: float, steady: complex) -> float:
-        """Return the speed of a foot along the ground by the steady velocity, m/s; 0 for one that cannot slip yet."""
-        if carried <= (0.0 if self._sliding else SETTLED):
-            return 0.0
-        (x, y, _), (u, v, _) = foot.velocity, foot.rotation
-        speed = abs(complex(x, y) + steady)
-        return speed if self._sliding else speed - TURNS * math.hypot(u, v)
 
 
 def _alike(feet: Sequence[SoleMotion]) -> bool:
