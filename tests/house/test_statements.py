@@ -80,7 +80,7 @@ def test_legs_reach_further_from_a_low_body() -> None:
 @pytest.mark.parametrize(("robot", "inward"), [("talos", 20), ("hrp4_class", 18), ("g1", 10)])
 def test_the_pattern_in_the_figure_is_that_of_a_walk(robot: str, inward: int) -> None:
     """The reference of the ZMP lies to the inner side of the foot's middle as the page says."""
-    text = text_of("docs/walking.md")
+    text = text_of("docs/planned_law.md")
     assert f"{inward} mm to the inner side" in text or f"{inward} mm on `{robot}`" in text
     model = wbc.load_robot(robot).robot()
     plan = walk_distance(FootstepPlan.standing(model), 0.58)
