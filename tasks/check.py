@@ -13,10 +13,11 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.collision import CollisionLimit
+from wbc.core.limits.pairs import random_joints
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.items import bind
 from wbc.core.qp.task import Task
-from wbc.core.robot import Robot, random_joints
+from wbc.core.robot import Robot
 
 STEP = 1e-6
 """Step of the differences: of each coordinate, rad or m, and of the motion, s."""

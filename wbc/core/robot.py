@@ -596,14 +596,3 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"Robot('{self.name}', nv={self.nv}, mass={self.mass:.1f} kg)"
-
-
-def random_joints(robot: Robot, random: np.random.Generator, room: float = 0.0) -> Array:
-    """Return random positions of the joints, shape (na,), rad or m; a joint without a limit turns by π at most.
-
-    `room` is the share of its range that a joint keeps away from either end.
-    """
-    low, high = (
-        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
-    )
-    return np.asarray(low + random.uniform(room, 1.0 - room, robot.na) * (high - low))

@@ -18,10 +18,11 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
+from wbc.core.limits.pairs import random_joints
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import SelectionTask, Task
-from wbc.core.robot import Robot, random_joints
+from wbc.core.robot import Robot
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
 """Cost per squared step at first, at least and at most."""

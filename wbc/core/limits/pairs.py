@@ -14,7 +14,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
-from wbc.core.robot import Robot, random_joints
+from wbc.core.robot import Robot
 
 POSTURES = 1000
 """Random postures in which pairs are looked for that can touch."""
@@ -132,3 +132,14 @@ def _postures(robot: Robot, count: int, joints: Collection[int] | None = None) -
     for _ in range(count):
         q[first:][moved] = random_joints(robot, random)[moved]
         yield q
+
+
+def random_joints(robot: Robot, random: np.random.Generator, room: float = 0.0) -> Array:
+    """Return random positions of the joints, shape (na,), rad or m; a joint without a limit turns by π at most.
+
+    `room` is the share of its range that a joint keeps away from either end.
+    """
+    low, high = (
+        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
+    )
+    return np.asarray(low + random.uniform(room, 1.0 - room, robot.na) * (high - low))
