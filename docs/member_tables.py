@@ -27,6 +27,9 @@ NAMES = re.compile(r"^<!-- names of ([\w.]+): ([\w, ]+) -->$", re.MULTILINE)
 MANY_ARGUMENTS = 7
 """Number of arguments of a class above which its row links to their table, where there is one."""
 
+TOLD_ARGUMENTS = 6
+"""Number of arguments of a class from which on a table below its members says what each of them means."""
+
 LONG_DEFAULT = 60
 """Length of a default, characters, from which on the name of its class stands for it."""
 
@@ -56,9 +59,19 @@ def name_rows(package: str, some: str | None, page: str) -> Iterator[str]:
     for name in every if some is None else some.split(", "):
         thing = getattr(module, name)
         about = (inspect.getdoc(thing) or "").partition("\n")[0]
-        arguments = _linked(thing, page) or escaped(arguments_of(thing))
+        arguments = _linked(thing, page) or escaped(f"{arguments_of(thing)}{_returned(thing)}")
         units = "" if arguments.startswith("[") else units_of(thing)
         yield f"| `{package}.{name}` | {arguments} | {escaped(about + units)} |"
+
+
+def _returned(thing: Any) -> str:
+    """Return an arrow and the type of what a function returns; empty for a class, and for nothing."""
+    if inspect.isclass(thing):
+        return ""
+    result = short(inspect.signature(thing).return_annotation, thing.__module__)
+    if "contextmanager" in inspect.getsource(inspect.unwrap(thing)).partition("def ")[0]:
+        return f" → context manager of an `{result.removeprefix('Iterator[').removesuffix(']')}`"
+    return "" if result in ("", "None") or result.startswith("Callable[[type[") else f" → `{result}`"
 
 
 def _linked(thing: Any, page: str) -> str:
@@ -117,6 +130,24 @@ def member_rows(path: str, some: str | None) -> Iterator[str]:
         member, about = (_attribute(kind, name), told[name]) if name in told else _made_member(kind, name)
         head, *units = about.split("\n")
         yield f"| {escaped(f'`{name}{member}`')} | {escaped(''.join((first_sentence(head), *units)))} |"
+    yield from argument_rows(kind)
+
+
+def argument_rows(kind: type) -> Iterator[str]:
+    """Arguments of a class that has many, with their meanings; none for a data class, whose fields they are."""
+    if dataclasses.is_dataclass(kind) or not arguments_of(kind):
+        return
+    given = inspect.signature(kind).parameters
+    told = {
+        each.arg_name.lstrip("*"): " ".join((each.description or "").split())
+        for each in docstring_parser.parse(inspect.getdoc(kind.__init__) or "").params  # type: ignore[misc]
+    }
+    if len(given) < TOLD_ARGUMENTS or not {*given} <= {*told}:
+        return
+    yield from (f"\n| Argument of `{kind.__name__}` | Meaning |", "|---|---|")
+    for name in given:
+        argument = arguments_of(kind, only=[name])[2:-2]
+        yield f"| {escaped(f'`{argument}`')} | {escaped(told[name])} |"
 
 
 def _bases(kind: Any) -> tuple[type, ...]:
@@ -212,7 +243,7 @@ def units_of(thing: Any) -> str:
             told.setdefault(each.arg_name, first_sentence(" ".join((each.description or "").split())))
     found: dict[str, list[str]] = {}
     for name, each in inspect.signature(thing).parameters.items():
-        about = told.get(name, "")
+        about = told.get(name, "").partition(" with the compliance ")[0]  # whose unit is its own
         if (unit := UNIT_TOLD.search(about)) and not re.search("str|Path|Phase", str(each.annotation)):
             others = UNIT_ALONE.findall("".join(re.split(r"\([^()]* or [^()]*\)", about)))
             if {*others} <= {*UNIT_ALONE.findall(unit[1])}:
