@@ -129,7 +129,8 @@ def member_rows(path: str, some: str | None) -> Iterator[str]:
     for name in names:
         member, about = (_attribute(kind, name), told[name]) if name in told else _made_member(kind, name)
         head, *units = about.split("\n")
-        yield f"| {escaped(f'`{name}{member}`')} | {escaped(''.join((first_sentence(head), *units)))} |"
+        text = "".join((first_sentence(head), _when_none(head), *units))
+        yield f"| {escaped(f'`{name}{member}`')} | {escaped(text)} |"
     yield from argument_rows(kind)
 
 
@@ -205,6 +206,12 @@ def _made_member(kind: type, name: str) -> tuple[str, str]:
 def first_sentence(text: str) -> str:
     """Return the first sentence of a description."""
     return re.split(r"(?<=[.!])\s+(?=[A-Z`*])", text, maxsplit=1)[0]
+
+
+def _when_none(text: str) -> str:
+    """Return the second sentence of a description if it tells the meaning of None; else an empty text."""
+    second = text[len(first_sentence(text)) :]
+    return f" {first_sentence(second.strip())}" if second.startswith((" When None", " With None")) else ""
 
 
 ANNOTATED = re.compile(r"Annotated\[([\w.]+(?:\[[^\[\]]*\])?)((?:, [^\[\]]*)*)\]")
