@@ -81,6 +81,9 @@ def _linked(thing: Any, page: str) -> str:
         return ""
     if f"### {thing.__name__}\n" in SETTINGS_PAGE:
         return f"[settings](../settings.md#{thing.__name__.lower()})"
+    heads = re.findall(r"^<!-- members of [\w.]+\.(\w+)(?:: [\w, ]+)? -->$", page, re.MULTILINE)
+    if thing.__name__ in heads and [*argument_rows(thing)]:
+        return f"[arguments below](#{thing.__name__.lower()})"
     for base in thing.__mro__ if dataclasses.is_dataclass(thing) else (thing,):
         table = re.search(
             rf"^<!-- members of [\w.]+\.{base.__name__}(?:: ([\w, ]+))? -->$", page, re.MULTILINE
@@ -125,7 +128,12 @@ def member_rows(path: str, some: str | None) -> Iterator[str]:
     assert not (unknown := {*names}.difference(every)), f"{path} has no {', '.join(sorted(unknown))}"
     yield from (f"### {kind.__name__}\n", f"| `{path}` | What it is |", "|---|---|")
     if issubclass(kind, enum.Enum):
-        yield from (f"| `{each.name}` | {escaped(str(each.value))} |" for each in kind)
+        about = {
+            each.arg_name: each.description or "" for each in docstring_parser.parse_from_object(kind).params
+        }
+        for each in kind:
+            words = f"{each.value}. {about[each.name]}" if each.name in about else str(each.value)
+            yield f"| `{each.name}` | {escaped(words)} |"
     for name in names:
         member, about = (_attribute(kind, name), told[name]) if name in told else _made_member(kind, name)
         head, *units = about.split("\n")
@@ -145,10 +153,12 @@ def argument_rows(kind: type) -> Iterator[str]:
     }
     if len(given) < TOLD_ARGUMENTS or not {*given} <= {*told}:
         return
-    yield from (f"\n| Argument of `{kind.__name__}` | Meaning |", "|---|---|")
-    for name in given:
-        argument = arguments_of(kind, only=[name])[2:-2]
-        yield f"| {escaped(f'`{argument}`')} | {escaped(told[name])} |"
+    yield from (f"\n| Argument of `{kind.__name__}` | Default | Meaning |", "|---|---|---|")
+    for name, each in given.items():
+        argument, _, default = arguments_of(kind, only=[name])[2:-2].partition("=")
+        hint = short(each.annotation, kind.__module__)
+        value = f"`{default}`" if default else "" if argument.startswith("*") else "must be given"
+        yield f"| {escaped(f'`{argument}: {hint}`')} | {value} | {escaped(told[name])} |"
 
 
 def _bases(kind: Any) -> tuple[type, ...]:
@@ -170,7 +180,8 @@ def _attribute(kind: type, name: str) -> str:
             given = inspect.signature(base.__init__).parameters.get(name)
             hint = given.annotation if given is not None and "|" not in str(given.annotation) else None
         if hint not in (None, inspect.Parameter.empty):
-            return f": {short(hint, base.__module__)}{default}"
+            text = short(hint, base.__module__)
+            return f": {text}{default.replace('()', '{}') if text == 'Mapping[str, Any]' else default}"
     return ""
 
 
@@ -225,6 +236,8 @@ def short(hint: Any, module: str) -> str:
 
     def plain(found: re.Match[str]) -> str:
         named = known.get(found[0])
+        if found[0] == "NamedValues":
+            return "Mapping[str, Any]"
         if typing.get_origin(named) is not Annotated or "numpy" in str(named):
             return found[0]
         return typing.get_args(named)[0].__name__

@@ -106,12 +106,19 @@ class SupportPolygon:
 
 @dataclass(frozen=True)
 class PressResult:
-    """A foot dropped onto a ground and pressed; nothing but `diverged` if the simulation diverged."""
+    """A foot dropped onto a ground and pressed; nothing but `diverged` if the simulation diverged.
+
+    Attributes:
+        diverged: True if the simulation diverged.
+        impact: Speed, force and energies of the landing; None if the simulation diverged.
+        hold: Forces, contacts and shape of the foot at rest; None if the simulation diverged.
+        support: Equivalent support polygon; None if it was not asked for, without an ankle servo, or after divergence.
+    """
 
     diverged: bool
-    impact: Impact | None = None  # the landing
-    hold: Hold | None = None  # the foot at rest
-    support: SupportPolygon | None = None  # equivalent support polygon; None if it was not asked for
+    impact: Impact | None = None
+    hold: Hold | None = None
+    support: SupportPolygon | None = None
 
 
 @checked

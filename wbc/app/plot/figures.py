@@ -64,7 +64,7 @@ def missing(name: str, log: Log) -> str | None:
 @as_written
 @checked
 def draw(name: str, logs: Sequence[Log]) -> Figure:
-    """Draw one of the figures of `FIGURES` from one or several logs.
+    """Draw a ready-made figure, "balance", "plan" or "stiffness", from one or several logs.
 
     Args:
         name: One of `FIGURES`, for which each log must have the signals.
