@@ -246,7 +246,7 @@ def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
         browser.open(view.url)
         assert view.wait_for_page(60.0)
         trial.plant.push("torso", (1.0, 0.0, 0.0), 0.05)
-        for _ in range(200):
+        for _ in range(180):
             tick(trial)
             view.update()
         head = trial.plant.model.body("head").id
