@@ -170,7 +170,7 @@ def test_exit_codes_are_those_of_the_page(capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize("feedback", ["closed", "open"])
 def test_a_stand_holds_the_pushes_of_the_page(feedback: str) -> None:
     in_loop = re.search(
-        r"In open loop.*`hrp4_class` holds ([\d.]+) Ns/kg.* ([\d.]+)\.",
+        r"In open loop.*`hrp4_class` holds ([\d.]+) Ns/kg forward in place of ([\d.]+)",
         (ROOT / "docs/measured_pushes.md").read_text(),
     )
     assert in_loop is not None and StandSpec().feedback == "closed"
