@@ -73,7 +73,7 @@ CLONE = re.compile(
     r"^> The tables give [^\n]*\n|^<!-- members of wbc\.(?!core\.qp\.options)[^\n]* -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
-"""What those read in a clone for whom the docstrings are missing: a line, and tables of members of classes."""
+"""Lines of a page that only a reader of a clone needs, who has no docstrings: a sentence, and tables of members."""
 
 LISTED = re.compile(r"^<!-- (names|members) of ([\w.]+)(?:: ([\w, ]+))? -->$", re.MULTILINE)
 """Comment in front of a table of the reference: a package with some of its names or all, or a class."""

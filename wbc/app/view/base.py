@@ -119,7 +119,7 @@ class View(TrialHook, ABC):
         """
         self._period = 1.0 / rate
         self.speed = speed
-        self._pace = Pace()
+        self._pace = RunPace()
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._port, self._wait, self._opened, self.stays = port, wait, False, False
         self._trial: AnyTrial | None = None
@@ -278,7 +278,7 @@ class View(TrialHook, ABC):
         self.close()
 
 
-class Pace:
+class RunPace:
     """Pace of a run that follows the clock.
 
     Attributes:
