@@ -72,7 +72,8 @@ def read_areas(values: Sequence[float | str | None], ends: Sides | None, gives: 
         apart = a1 <= c0 or c1 <= a0 or b1 <= d0 or d1 <= b0
         if one.name == other.name and one.value != other.value and not apart:
             raise InputError(
-                f"areas of {one} and of {other} overlap at {_place(one.sides)}: cut one of them off"
+                f"the area of {one} at {_place(one.sides)} and that of {other} at {_place(other.sides)} overlap: cut "
+                "one of them off"
             )
     soft = [area for area in areas if area.name == "stiffness"]
     for area in areas:

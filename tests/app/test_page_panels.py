@@ -203,7 +203,7 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
 
     scene = SimpleNamespace(add_transform_controls=add)
     view._page = SimpleNamespace(server=SimpleNamespace(scene=scene), checkbox=lambda *_: None)  # type: ignore[assignment]
-    view.stage = SimpleNamespace(scale=Scale(0.8, 400.0))  # type: ignore[assignment]
+    view.run = SimpleNamespace(stage=SimpleNamespace(scale=Scale(0.8, 400.0)))  # type: ignore[assignment]
     view.controls = LiveControls(None, None, controller)
     view.controls.order = orders.append  # type: ignore[method-assign]
     view._match()

@@ -119,7 +119,7 @@ def test_what_a_view_says_of_program_control_and_end() -> None:
     program: Any = SimpleNamespace(path="demo/wait", control=control)
     view = Bare(plant, control, port=0)
     view.run.program = program
-    assert view.walking is None and view.steered is None
+    assert view.run.walking is None and view.run.steered is None
     assert not view.ended("fell")
     view.close()
     text = view.sent[-1].text
@@ -185,7 +185,7 @@ class Shown(base.View):
         self.asked: list[Any] = [port]
 
     def _build(self) -> None:
-        self.asked.append(self.stage.title)
+        self.asked.append(self.run.stage.title)
 
     def _send(self, picture: Picture) -> None:
         self.asked.append(round(picture.time, 3))
@@ -259,7 +259,8 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
             return name
 
     server = SimpleNamespace(busy=False, pages=[], send=lambda _, caption: told.append(caption))
-    view._commands, view.stage, view.closed, view.frames = Kind(), stage, False, 2
+    view._commands, view.closed, view.frames = Kind(), False, 2
+    view.run = SimpleNamespace(stage=stage)  # type: ignore[assignment]
     view._meshes, view._marks, view._colours, view._meanings = {1: ["a", "b"], 2: ["c"]}, {}, {}, {}
     view._spoken, view._orders, view._server = -math.inf, [], server  # type: ignore[assignment]
     told: list[Any] = []

@@ -265,7 +265,7 @@ def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
         ahead, up, _ = browser.evaluate(
             f"({script})"
         )  # y is up in the viewer's world, whose camera looks at the origin
-        assert abs(ahead) < 0.2 and abs(up - z + 0.8 * view.stage.scale.height) < 0.05
+        assert abs(ahead) < 0.2 and abs(up - z + 0.8 * view.run.stage.scale.height) < 0.05
         names = browser.evaluate("Object.keys(viewer.scene_tree.find(['meshcat', 'wbc', 'mark']).children)")
         assert {"com", "zmp", "dcm", "planned step 0", "real step 0"} <= set(names)
         assert not browser.errors

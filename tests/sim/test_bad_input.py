@@ -152,7 +152,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: areas(*BOX, "damping", 1e5), "floor_stiffness"),
         (
             lambda: areas(*BOX, "friction", 0.2, 1.5, None, 0.0, None, "friction", 0.3),
-            "friction 0.2 and of friction 0.3 overlap",
+            r"friction 0.2 at x 1 to 2 m, .* and that of friction 0.3 at x 1.5 to inf m, y 0 to inf m overlap",
         ),
         (lambda: SharedPlant({"a": "g1"}, terrain=terrain("flat", floor_stiffness=1e7)), "floor_stiffness"),
         (lambda: WalkSpec(terrain_params={"areas": (*BOX, "friction", 3.0)}), "from 0 to 2, got 3"),

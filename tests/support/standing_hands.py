@@ -7,21 +7,31 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from at_rest import at_rest
 
 from wbc.robots import load
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.source import StandSource
 
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
 
 
 def standing(robot: str = "hrp4_class", **settings: Any) -> tuple[WalkingControl, Hands]:
-    """Return the controller of a robot that stands, and its hands."""
+    """Return the controller of a robot that stands, and its hands, whose sensors have read zero."""
     model = load(robot).robot()
     given = WalkingControlSettings(hands=HandSettings(**settings))
     walking = WalkingControl(model, FootstepPlan.standing(model), 0.005, given)
+    measure(walking)
     return walking, walking.hands
+
+
+def measure(walking: WalkingControl, **sensors: Any) -> None:
+    """Let hands without an order take in a measurement at rest; their sensors read zero if nothing else is given."""
+    robot, hands = walking.controller.robot, walking.hands
+    given = {"hand_wrenches": np.zeros((len(hands.all), 6))} | sensors
+    hands.update(at_rest(robot, 0.0, **given), StandSource(robot).update(None), walking.dt)  # type: ignore[arg-type]
 
 
 def wrench_at(place: np.ndarray[Any, Any], force: Any, moment: Any = (0.0, 0.0, 0.0)) -> np.ndarray[Any, Any]:

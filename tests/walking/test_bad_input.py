@@ -8,11 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from standing_hands import measure
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.hands.hand import HandState
+from wbc.walking.hands.hands import Hands
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach, check_plan
@@ -46,10 +48,16 @@ def drive(*velocity: float) -> None:
     walking().velocity = velocity  # type: ignore[assignment]
 
 
-def gripping() -> WalkingControl:
+def hands() -> Hands:
     control = walking()
-    control.hands.all["left_hand"].state = HandState.GRIP
-    return control
+    measure(control)
+    return control.hands
+
+
+def gripping() -> Hands:
+    given = hands()
+    given.all["left_hand"].state = HandState.GRIP
+    return given
 
 
 def one_handed() -> WalkingControl:
@@ -97,9 +105,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: body("lean", (0.0, 3.0)), "lean"),
     (lambda: walking().arms["left"], "left_hand"),
     (lambda: walking().arms["left_hand"].reach([0.0, 0.0, 0.0], "box"), "box"),
-    (lambda: walking().hands.press("left_hnd", 5.0, DOWN), "left_hand"),
-    (lambda: walking().hands.press("left_hand", 5.0, (0.0, 0.0, 0.0)), "left_hand"),
-    (lambda: gripping().hands.press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
+    (lambda: hands().press("left_hnd", 5.0, DOWN), "left_hand"),
+    (lambda: hands().press("left_hand", 5.0, (0.0, 0.0, 0.0)), "direction of left_hand"),
+    (lambda: walking().hands.press("left_hand", 5.0, DOWN), "after the first tick"),
+    (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
     (lambda: one_handed().hands.heading, "left_hand"),
     (
         lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(box=(2.0, 0.1))),
@@ -109,8 +118,11 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(touch=NAN)),
         "touch of SteppingConstants",
     ),
-    (lambda: walking().hands.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), "left_hand"),
-    (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
+    (
+        lambda: hands().press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)),
+        "point for left_hand must be within",
+    ),
+    (lambda: hands().press("left_hand", 500.0, DOWN, firm=True), "left_hand can press with"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
     (
         lambda: WalkingControl(ROBOT.clone(), None, DT, extent=(1.0, -1.0, -1.0, 1.0)),

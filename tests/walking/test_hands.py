@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from standing_hands import AHEAD, DOWN, feel, held_hand, standing, turned, wrench_at
+from standing_hands import AHEAD, DOWN, feel, held_hand, measure, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.frames import heading
@@ -283,8 +283,18 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
 def test_a_robot_in_torque_control_without_sensors_at_its_wrists_refuses_to_press() -> None:
     walking = WalkingControl(load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque"))
     Trial(Plant(load("g1")), walking).advance(0.1)
-    with pytest.raises(InputError, match="must have a force sensor"):
+    with pytest.raises(InputError, match="must have a force sensor.* no hand_wrenches; .* none"):
         walking.hands.press("left_hand", 5.0, DOWN)
+
+
+def test_hands_with_a_reading_are_named_where_another_is_to_press() -> None:
+    walking, hands = standing()
+    measure(walking, hand_wrenches=np.array([[np.nan] * 6, [0.0] * 6]))
+    with pytest.raises(
+        InputError, match="left_hand must have .* NaN for it; hands with a reading: right_hand$"
+    ):
+        hands.press("left_hand", 5.0, DOWN)
+    hands.press("right_hand", 5.0, DOWN)
 
 
 def test_the_bound_is_what_a_sudden_loss_leaves() -> None:

@@ -72,10 +72,7 @@ class View(TrialHook, ABC):
     Texts: time, state of a program, phase of a walk, state of the control, end of the run, and a legend of the marks.
 
     Attributes:
-        run: Run that is shown.
-        stage: Its model, the state of that, and sizes of what is drawn.
-        walking: Controller of a walk; None for any other.
-        steered: Controller of a walk, or a trained policy; None for any other.
+        run: Run that is shown: its stage, program and controls.
         frames: Number of pictures so far.
         url: Address of the page; empty for a window.
         closed: True after `close`.
@@ -132,8 +129,7 @@ class View(TrialHook, ABC):
         """Show a run, another one in the same view for example after `ended`."""
         if self.closed:
             raise ViewError(CLOSED)
-        self.run = run = ShownRun(source, control, program)
-        self.stage, self.walking, self.steered = run.stage, run.walking, run.steered
+        self.run = ShownRun(source, control, program)
         if opens := not self._opened:
             self._open(free_port(self._port))
             self._opened = True
@@ -215,7 +211,7 @@ class View(TrialHook, ABC):
         """
         if self.closed:
             raise ViewError(CLOSED)
-        stage = self.stage
+        stage = self.run.stage
         if isinstance(stage, SimulatedStage) is not (state is None):
             raise InputError(
                 "a view of a simulation reads its state itself: update(); a view of a description needs update(robot)"
@@ -238,8 +234,8 @@ class View(TrialHook, ABC):
 
     def _show_last(self) -> None:
         """Show the present state of a simulation."""
-        if isinstance(self.stage, SimulatedStage):
-            self._show(self.stage.picture())
+        if isinstance(stage := self.run.stage, SimulatedStage):
+            self._show(stage.picture())
 
     def _show(self, picture: Picture) -> None:
         self.frames += 1

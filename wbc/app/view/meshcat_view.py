@@ -43,7 +43,7 @@ class MeshcatView(View):
         self.url = f"http://{LOCAL}:{port}/static/"
 
     def _build(self) -> None:
-        height, properties = self.stage.scale.height, self._commands.SetProperty
+        height, properties = self.run.stage.scale.height, self._commands.SetProperty
         self._orders: list[tuple[tuple[str, ...], bytes]] = []  # of the present picture
         self._order(ROOT, self._commands.Delete)  # of the run before
         self._order("/Background", properties, "top_color", [0.95, 0.97, 1.0])
@@ -56,7 +56,7 @@ class MeshcatView(View):
         self._meanings: dict[str, Colour] = {}
         self._spoken = -math.inf  # clock of the last caption
         self._meshes: dict[int, list[str]] = {}  # path of each mesh of a body
-        for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
+        for number, (body, colour, mesh) in enumerate(body_meshes(self.run.stage.model)):
             path = f"{ROOT}/body {body}/{number}"
             self._meshes.setdefault(body, []).append(path)
             self._set_mesh(path, mesh, colour)
@@ -75,7 +75,7 @@ class MeshcatView(View):
     def _send(self, picture: Picture) -> None:
         if self._server.busy and self.frames > 1 and not self.closed:
             return
-        data = self.stage.data
+        stage, data = self.run.stage, self.run.stage.data
         for body in self._meshes:
             self._move(f"{ROOT}/body {body}", data.xpos[body], data.xmat[body].reshape(3, 3))
         for body, colour in picture.colours.items():
@@ -91,9 +91,9 @@ class MeshcatView(View):
                 on_top = mark.kind in ("ball", "arrow")
                 self._set_mesh(path, mark_mesh(mark), mark.colour, on_top=on_top)
         # MeshCat's camera looks at the origin wherever it stands: the world moves so that the robot stays there.
-        away = -np.array([*picture.target[:2], self.stage.floor + 0.8 * self.stage.scale.height])
+        away = -np.array([*picture.target[:2], stage.floor + 0.8 * stage.scale.height])
         self._move(ROOT, away)
-        self._move("/Grid", away + (0.0, 0.0, self.stage.floor))
+        self._move("/Grid", away + (0.0, 0.0, stage.floor))
         self._post(self._caption(picture))
 
     def _caption(self, picture: Picture) -> str | None:

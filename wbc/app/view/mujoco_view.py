@@ -37,7 +37,7 @@ class MujocoView(View):
 
     def _build(self) -> None:
         self._end()
-        self._model = copy.copy(self.stage.model)
+        self._model = copy.copy(self.run.stage.model)
         self._data = mujoco.MjData(self._model)
         before = {*threading.enumerate()}
         try:
@@ -46,16 +46,16 @@ class MujocoView(View):
             )
         except RuntimeError as error:  # macOS asks for mjpython
             raise ViewError(f"MuJoCo's viewer cannot be opened: {error}") from error
-        height, camera = self.stage.scale.height, self._window.cam
+        height, camera = self.run.stage.scale.height, self._window.cam
         camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
-        camera.lookat[2] = self.stage.floor + 0.85 * height
+        camera.lookat[2] = self.run.stage.floor + 0.85 * height
         self._marks = MujocoMarks(self._window.user_scn)
         self._telling = threading.Thread()
         self._threads = {*threading.enumerate()} - before  # that draws
 
     def _send(self, picture: Picture) -> None:
         with self._window.lock():
-            mujoco.mj_copyData(self._data, self._model, self.stage.data)
+            mujoco.mj_copyData(self._data, self._model, self.run.stage.data)
             paint_bodies(self._model, picture.colours)
             self._window.user_scn.ngeom = 0
             self._marks.add(picture.marks)

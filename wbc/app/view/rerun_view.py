@@ -123,7 +123,7 @@ class RerunView(View):
     def _build(self) -> None:
         from rerun import blueprint  # noqa: PLC0415
 
-        self._scene, height = RerunScene(self._stream, self.stage), self.stage.scale.height
+        self._scene, height = RerunScene(self._stream, self.run.stage), self.run.stage.scale.height
         eye = blueprint.EyeControls3D(
             position=(2.6 * height, -2.0 * height, 1.7 * height), look_target=(0.0, 0.0, 0.8 * height)
         )

@@ -44,14 +44,15 @@ class Workbench(View):
     controls: LiveControls
 
     def _open(self, port: int) -> None:
-        self._page = ViserPage(port, self.stage.title)
+        self._page = ViserPage(port, self.run.stage.title)
         self.url, self._gui = self._page.url, self._page.server.gui
         self._commands: list[Any] = []
         self._attended_at = -math.inf  # clock when a page was open last, s
 
     def _build(self) -> None:
-        robot = self.stage.robot if isinstance(self.stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, self.steered, self.run.controller)
+        run, stage = self.run, self.run.stage
+        robot = stage.robot if isinstance(stage, SimulatedStage) else None
+        self.controls = LiveControls(robot, run.steered, run.controller)
         for command in self._commands:
             command.remove()
         self._commands.clear()
@@ -60,8 +61,8 @@ class Workbench(View):
         self._shown: list[str] = []  # settings in it
         self._gizmos: list[Gizmo] = []
         with self._page.server.atomic():
-            self._page.build(self.stage)
-            self._fill(self.run.program)
+            self._page.build(stage)
+            self._fill(run.program)
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
@@ -135,8 +136,8 @@ class Workbench(View):
         if program is not None:
             with gui.add_folder("program"):
                 self._page.text(lambda: program_text(program))
-        if "drive" in offered and self.steered is not None:
-            self._drive_folder(self.steered.velocity_limits)
+        if "drive" in offered and self.run.steered is not None:
+            self._drive_folder(self.run.steered.velocity_limits)
         elif "stop" in offered:
             stop = gui.add_button("stop walking", hint="the run ends when the robot stands")
             when(stop.on_click, lambda _: order({"do": "stop"}))
@@ -172,7 +173,9 @@ class Workbench(View):
                             self._add_number(setting)
                     task: Any = tasks.get(group)
                     if task is not None and task.held_by is None and _has_place(task):
-                        gizmo = Gizmo(self._page, task, 0.25 * self.stage.scale.height, self.controls.order)
+                        gizmo = Gizmo(
+                            self._page, task, 0.25 * self.run.stage.scale.height, self.controls.order
+                        )
                         self._gizmos.append(gizmo)
                         self._page.checkbox("gizmo on the target", False, gizmo.show)
 

@@ -176,7 +176,7 @@ class Hands:
 
         Raises:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
-                point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured.
+                point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured (yet).
         """
         force, along = self._order(hand, force, direction, HandState.GRIP)
         point = None if at is None else self._reachable(hand, at)
@@ -204,7 +204,7 @@ class Hands:
 
         Raises:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
-                target (`arms`), presses on something, or whose force is not measured.
+                target (`arms`), presses on something, or whose force is not measured (yet).
         """
         limit, along = self._order(hand, limit, direction, HandState.HOLD)
         point = self._reachable(hand, at)
@@ -238,14 +238,20 @@ class Hands:
         return point
 
     def _check_sensor(self, hand: str) -> None:
-        """Check that the force on a hand is measured, as far as is known: before the first tick nothing is."""
+        """Check that the force on a hand is measured."""
         if self._measurement is None:
-            return
-        wrenches = self._measurement.hand_wrenches
-        if wrenches is None or not np.isfinite(wrenches[self.all[hand].index]).all():
+            raise InputError(
+                f"{hand} presses and grips by the force at its wrist, and nothing has been measured yet: give the "
+                "order after the first tick"
+            )
+        wrenches, sensed = self._measurement.hand_wrenches, []
+        if wrenches is not None:
+            sensed = [name for name, each in self.all.items() if np.isfinite(wrenches[each.index]).all()]
+        if hand not in sensed:
             raise InputError(
                 f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
-                f"{'no hand_wrenches' if wrenches is None else 'NaN for it'}"
+                f"{'no hand_wrenches' if wrenches is None else 'NaN for it'}; hands with a reading: "
+                f"{', '.join(sensed) or 'none'}"
             )
 
     def release(self, hand: str) -> None:
