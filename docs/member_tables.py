@@ -123,6 +123,11 @@ def member_rows(path: str, some: str | None) -> Iterator[str]:
         and not name.startswith("_")
         and name not in (*told, "instead_of")
     }
+    if dataclasses.is_dataclass(kind):  # in the order in which the constructor takes them
+        order = [*inspect.signature(kind).parameters]
+        told = dict(
+            sorted(told.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order))
+        )
     every = [*told, *sorted(made, key=lambda name: callable(getattr(kind, name)))]
     names = every if some is None else some.split(", ")
     assert not (unknown := {*names}.difference(every)), f"{path} has no {', '.join(sorted(unknown))}"
@@ -132,7 +137,7 @@ def member_rows(path: str, some: str | None) -> Iterator[str]:
             each.arg_name: each.description or "" for each in docstring_parser.parse_from_object(kind).params
         }
         for each in kind:
-            words = f"{each.value}. {about[each.name]}" if each.name in about else str(each.value)
+            words = about.get(each.name) or f"{each.value[:1].upper()}{each.value[1:]}."
             yield f"| `{each.name}` | {escaped(words)} |"
     for name in names:
         member, about = (_attribute(kind, name), told[name]) if name in told else _made_member(kind, name)
@@ -220,9 +225,9 @@ def first_sentence(text: str) -> str:
 
 
 def _when_none(text: str) -> str:
-    """Return the second sentence of a description if it tells the meaning of None; else an empty text."""
-    second = text[len(first_sentence(text)) :]
-    return f" {first_sentence(second.strip())}" if second.startswith((" When None", " With None")) else ""
+    """Return the sentence of a description, other than the first, that begins with the meaning of None; or nothing."""
+    found = re.search(r"[.!] ((?:When |With )?None\b.*)", text)
+    return f" {first_sentence(found[1])}" if found else ""
 
 
 ANNOTATED = re.compile(r"Annotated\[([\w.]+(?:\[[^\[\]]*\])?)((?:, [^\[\]]*)*)\]")
@@ -262,13 +267,28 @@ def units_of(thing: Any) -> str:
         for each in docstring_parser.parse(getattr(maker, "__doc__", None) or "").params:
             told.setdefault(each.arg_name, first_sentence(" ".join((each.description or "").split())))
     found: dict[str, list[str]] = {}
+    first = first_sentence(inspect.getdoc(thing) or "")
     for name, each in inspect.signature(thing).parameters.items():
         about = told.get(name, "").partition(" with the compliance ")[0]  # whose unit is its own
-        if (unit := UNIT_TOLD.search(about)) and not re.search("str|Path|Phase", str(each.annotation)):
-            others = UNIT_ALONE.findall("".join(re.split(r"\([^()]* or [^()]*\)", about)))
-            if {*others} <= {*UNIT_ALONE.findall(unit[1])}:
-                found.setdefault(unit[1], []).append(f"`{name}`")
+        told_unit, alone = UNIT_TOLD.search(about), re.split(r"\([^()]* or [^()]*\)", about)
+        if told_unit and {*UNIT_ALONE.findall("".join(alone))} <= {*UNIT_ALONE.findall(told_unit[1])}:
+            unit = "" if re.search("str|Path|Phase", str(each.annotation)) else told_unit[1]
+        else:
+            unit = (
+                ""
+                if UNIT_TOLD.search(first) or name == "seconds"
+                else _annotated_unit(thing, each.annotation)
+            )
+        if unit:
+            found.setdefault(unit, []).append(f"`{name}`")
     return "".join(f" {', '.join(names)} in {unit}." for unit, names in found.items())
+
+
+def _annotated_unit(thing: Any, annotation: Any) -> str:
+    """Return the unit that an annotation, or the type that it names, has behind the type of a number; or nothing."""
+    hint = vars(import_module(thing.__module__)).get(str(annotation), annotation)
+    unit = re.search(rf"Annotated\[.*, ['\"]({UNIT})['\"]\]", str(hint))
+    return unit[1] if unit else ""
 
 
 def arguments_of(thing: Any, *, bound: bool = False, only: Collection[str] | None = None) -> str:

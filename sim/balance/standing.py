@@ -78,11 +78,11 @@ class StandResult(TrialResult):
         com_error_mm: Greatest horizontal distance of the true centre of mass from its target in the second half.
         zmp_noise_mm: Standard deviation of the true zero-tilting moment point in the second half, both axes together.
         real_time_factor: Simulated time over wall time of the whole loop.
-        tick_us: Wall time from measurement to command, median and 99th percentile.
+        tick_us: Wall time from measurement to command, median and 99th percentile, µs.
         steps_taken: Steps that the robot took; 0 where its feet stay in place.
         noise: Errors of the sensors.
         foot: Foot under both ankles.
-        control_period: s.
+        control_period: Control period, s.
     """
 
     mode: Mode

@@ -79,7 +79,7 @@ class TrackResult(TrialResult):
         com_rms_mm: Horizontal error of the true centre of mass, mm.
         foot_slide_mm: Greatest distance of a sole from where it was first loaded, while it bore 5 % of the weight, mm.
         landings: Feet that have landed.
-        tick_us: Wall time from measurement to command, median and 99th percentile.
+        tick_us: Wall time from measurement to command, median and 99th percentile, µs.
     """
 
     motion: str

@@ -103,7 +103,7 @@ class Scene(ABC):
             size: Half sizes, m, in MuJoCo's order.
             pos: Centre in the frame of the body, m.
             quat: Orientation in the frame of the body, a quaternion w, x, y, z.
-            mass: kg.
+            mass: Mass, kg.
             colour: Red, green, blue, opacity.
         """
         return body.add_geom(

@@ -40,7 +40,7 @@ class GroundTruth:
     """The true state of a simulation at one instant, for logs, tests and pictures, never for a controller.
 
     Attributes:
-        time: s.
+        time: Time, s.
         q: Configuration, shape (nq,), in Pinocchio's convention.
         v: Velocity, shape (nv,), base in the base frame.
         com: Centre of mass of everything, feet included, in the world, shape (3,), m.
@@ -234,7 +234,7 @@ class Simulation(ABC):
         Args:
             body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
             force: Force in the world, shape (3,), N.
-            duration: s.
+            duration: Duration, s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
         """
         self._pushes.add(*self._carrier(body), force, duration, at)

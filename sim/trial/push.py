@@ -27,7 +27,7 @@ class WalkPush:
     Attributes:
         impulse: Force times duration divided by the robot's mass, Ns/kg.
         direction: Direction of the force in the world, rad: 0 along x, π/2 along y.
-        duration: s.
+        duration: Duration of the force, s.
         body: Link or frame that is pushed; the force acts at the centre of mass of the link.
         time: Time at which the push begins, s; None for a phase of a step.
         step: Number of the step, from 1; None for a time.

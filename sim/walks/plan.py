@@ -56,8 +56,8 @@ class WalkPlan:
     Attributes:
         distance: Distance straight on, m; negative for backwards; 3 m where no plan is given.
         velocity: Velocity forward (m/s), to the left (m/s) and turn (rad/s); steps take less time at a higher velocity.
-        steps: Number of steps of a walk with a velocity. Free steps walk for as long as so many slow steps take, and
-            take as many as they need.
+        steps: Number of steps of a walk with a velocity. Free steps walk for the time that
+            so many slow steps take.
         turn: Angle of a turn on the spot, rad; positive to the left.
         stairs: Way to climb or descend the stairs of the terrain: with both feet or with one foot on each stair.
         footsteps: Landings of the feet in the world.

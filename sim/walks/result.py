@@ -122,7 +122,7 @@ class WalkResult(TrialResult):
             (`WalkingControl.stop`), or its trial was ended (`Trial.stop`). A driven walk has no goal and cannot stray.
         steps_planned: Number of steps of the plan.
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
-        J: Objective of the paper's optimisation, see `objective`.
+        J: Objective of the paper's optimisation, see `wbc.sim.walks.result.objective`.
         fell: True if the robot fell.
         fall_reason: height, tilt, down or solver; None if it did not fall.
         fall: Time, place and cause of the fall; None if it did not fall.
@@ -142,11 +142,10 @@ class WalkResult(TrialResult):
         cost_of_transport: Mechanical work of the joints, ∑ |τ q̇| over control periods, over weight and distance
             between start and end; None for a robot that is less than 0.05 m from its start.
         energy: Mechanical work of the joints, of which the cost of transport is made.
-        vibration: Sum of |a − a of the last sample| over joints and samples, rad/s², with samples every 0.02 s and the
-            acceleration a of a joint as the difference of its velocities in two samples over 0.02 s.
-        slip: Way that the soles slip along the ground, both together: that of the point of a sole at its centre of
-            pressure while the sole carries 5 % of the weight by its force sensor, or by the estimate of a robot without
-            one, and this point moves by 0.05 m/s or more.
+        vibration: Sum of |a − a of the last sample| over joints and samples, rad/s². Samples are 0.02 s apart, and the
+            acceleration a of a joint is the difference of its velocities in two samples over 0.02 s.
+        slip: Way along the ground of the centres of pressure of both soles, summed. A sole counts while its force
+            sensor, or the estimate without one, shows 5 % of the weight, and the point moves by 0.05 m/s or more.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: Numbers of touch-downs.
         impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over

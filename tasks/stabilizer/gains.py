@@ -53,7 +53,7 @@ class StabilizerGains:
         dcm_i: Gain on the average DCM error, 1/s.
         dcm_d: Gain on the derivative of the DCM error, without unit. It also feeds back the noise of the measured ZMP,
             which costs more than the damping gives on hard soles.
-        com_v: Gain on the CoM velocity error.
+        com_v: Gain on the CoM velocity error, without unit.
         zmp_d: Time by which the commanded ZMP is ahead of the target, with the velocity of the target, s.
         integrator_time: Time constant of the average of the DCM error, s.
         derivator_time: Time constant of the low-pass whose output is subtracted from the derivative, s.

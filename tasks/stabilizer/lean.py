@@ -69,7 +69,7 @@ class Lean:
     """Lean of one trunk.
 
     Attributes:
-        settings: Settings.
+        settings: Its `LeanSettings`.
         angle: Lean about x and y, rad.
         speed: Derivative of the lean, rad/s.
     """

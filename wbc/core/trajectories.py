@@ -214,7 +214,7 @@ class Trajectory:
     proportion to the distance, without a stop.
 
     Attributes:
-        duration: s.
+        duration: Duration, s.
         end: Last point, shape (n,).
 
     Source: Flash & Hogan, Journal of Neuroscience 5(7), 1985: of all motions through the points at these times it has

@@ -150,7 +150,7 @@ class ElevationMap:
     """Map of the user's own: heights of the ground on a grid.
 
     Attributes:
-        heights: Height at the centre of each cell, shape (nx, ny), m; NaN where unknown, in place of infinity as well.
+        heights: Height at the centre of each cell, shape (nx, ny), m; NaN where unknown. Infinite values become NaN.
         cell: Size of a cell, m.
         pose: Place (m) and heading (rad) in the world of the corner of cell (0, 0), where x and y of the map begin.
         time: Instant at which the map was right, on the clock of `Measurement.time`, s.

@@ -81,8 +81,8 @@ class Support(NamedTuple):
     """Ground under a sole.
 
     Attributes:
-        x: Sole centre in the world, m.
-        y: Sole centre in the world, m.
+        x: x of the sole centre in the world, m.
+        y: y of the sole centre in the world, m.
         z: Height of the centre of a level sole at the first contact, m.
         slope: Slopes of the resting plane along and across the sole, within the greatest tilt.
     """

@@ -54,7 +54,7 @@ class HeightMapSettings:
     """Settings of a height map.
 
     Attributes:
-        cell: Size of a cell, m: 128 reach further than a step, and a sole covers several.
+        cell: Size of a cell, m. The map has 128 × 128 cells: they reach further than a step, and a sole covers several.
         gate: Difference in height beyond three standard deviations from which a cell holds another surface, m.
         wander: Growth of the uncertainty of a height that is not seen again, m/√s.
         known: Standard deviation from which on a height counts as unknown, m.
@@ -74,7 +74,7 @@ class HeightMap:
     """Heights of the ground on a grid around the robot.
 
     Attributes:
-        settings: Settings.
+        settings: Its `HeightMapSettings`.
         origin: Position (m) and heading (rad) of the grid in the world. They are those of the robot at the start, so
             that a walk in a rotated world has the same map.
     """

@@ -68,7 +68,7 @@ class GroundSettings:
         stance: Share of the difference between the sole that stands and the known ground below it by which the known
             heights are shifted, if the difference is below `contradiction` and no frame of points has shifted them.
         stance_step: Greatest shift by the sole that stands, m.
-        own_margin: Distance from the robot's own shapes up to which a point is one of its body.
+        own_margin: Distance from the robot's own shapes up to which a point is one of its body, m.
     """
 
     map: HeightMapSettings = field(default_factory=HeightMapSettings)
@@ -84,7 +84,7 @@ class KnownGround:
     """Knowledge of one robot about the ground.
 
     Attributes:
-        settings: Settings.
+        settings: Its `GroundSettings`.
         map: Heights around the robot, from clouds of points.
         elevation: Map given by the user, for places that the robot has not seen; None without a map.
         doubts: Kind of knowledge that is not used ("cloud", "map" or "stance") → reason.

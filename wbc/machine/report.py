@@ -23,11 +23,17 @@ class Phase(enum.Enum):
     """State of the loop, in the order of a run."""
 
     START = "start"
+    """The servos take the joints to half-sitting."""
     HANG = "hanging"
+    """The servos hold half-sitting until the feet touch the ground."""
     STAND = "balancing what the feet carry"
+    """The feet carry a part of the weight, and a balance controller acts until they carry the robot."""
     RUN = "run"
+    """The control of the run acts."""
     STOP = "stop"
+    """The robot sinks."""
     DAMPED = "damped"
+    """The run is over, and the joints are damped."""
 
 
 @dataclass(frozen=True, eq=False)

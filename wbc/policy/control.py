@@ -123,13 +123,13 @@ class PolicyControl(SteeredControl):
             filter: Filter that keeps the policy's torques within limits; none when None.
             clip: Motion that the policy tracks; that in its network when None.
             ground: Known ground, made with the robot, for a policy that sees it; clouds and maps are added to it.
-            sees_arms: Let the policy see the arms where they are. When None it sees those of the QP at rest in its
-                default posture, because a policy that has trained with other arms walks elsewhere than it is asked to,
-                and its own ones, filtered or not, where they are.
+            sees_arms: Let the policy see the arms where they are. When None it is shown the arms that the QP moves at
+                rest in its default posture, and the arms that it moves where they are. A policy that has trained with
+                other arms walks elsewhere than it is asked to.
             regain: Share of the missing velocity that is asked for as well after 1 s, 1/s, as for a load in the hands,
                 which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM.
-            longest: Longest time that the network may take, s, on a machine its period at most; None for any time. A
-                longer one fails the tick, and a guard takes over.
+            longest: Longest time that the network may take, s; on a machine at most the period of the policy. None
+                for any time. A longer one fails the tick, and a guard takes over.
             observer: Observer of the robot's state; a new one when None.
             failure_policy: Reaction to ticks without a usable measurement or action.
             safety: Ranges of measurements, and the reaction to a fall.
@@ -409,7 +409,7 @@ class PolicyControl(SteeredControl):
 
     @property
     def changed(self) -> Array:
-        """Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm."""
+        """Commanded torques minus those that the policy asked for, in the last tick, shape (na,), Nm."""
         return self._still if self._arms is None else self._arms.changed
 
     def asked(self, measurement: Measurement) -> Array:

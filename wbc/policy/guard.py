@@ -160,7 +160,7 @@ class PolicyGuard(SteeredControl):
 
     @property
     def acting(self) -> PolicyControl | WalkingControl:
-        """The one who controls the robot now."""
+        """Control that acts now: policy or walk."""
         return self.walking if self.relieved else self.policy
 
     @property

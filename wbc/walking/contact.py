@@ -9,8 +9,11 @@ class GaitPhase(enum.Enum):
     """Phase of the feet."""
 
     STANDING = "standing"
+    """Both feet stand, and no step has been asked for."""
     DOUBLE = "double support"
+    """Both feet stand between two steps."""
     SINGLE = "single support"
+    """One foot stands, and the other one swings."""
 
 
 class Event(enum.Enum):

@@ -65,7 +65,7 @@ class WalkingControl(SteeredControl):
         walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
 
     Attributes:
-        settings: Settings.
+        settings: Its `WalkingControlSettings`.
         source: Present source of the references.
         dt: Control period, s.
         controller: Whole-body controller with all tasks and contacts.

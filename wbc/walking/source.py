@@ -110,8 +110,7 @@ class Reference(NamedTuple):
         progress: Record of the step; a stand by default.
         most_force: Largest normal force of each foot in free steps, N.
         cop: Shift of the centre of pressure of the stance foot in free steps, along and across its sole, m.
-        urgency: Share from 0 to 1 by which the swing foot goes before the trunk in free steps; −1 where it goes
-            after it.
+        urgency: Priority of the swing foot over the trunk in free steps, 0 to 1; −1 where the trunk has priority.
         body: Motion of all joints and of the trunk; None for the constant posture and an upright trunk.
     """
 

@@ -54,7 +54,7 @@ class DepthCamera:
         relative_noise: Part of the standard deviation that grows with the distance, m/m.
         dropout: Share of the rays that return nothing.
         misplaced: Difference of the true position of the camera from `at`, m.
-        end: Time at which the camera fails, s.
+        end: Time at which the camera fails, s; None for never.
         ghost: Block that the camera sees but that does not exist: x and y of its centre in the world, half its side
             length, and its height over the ground, m.
     """

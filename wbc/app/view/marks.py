@@ -90,7 +90,7 @@ class Picture:
     """Marks that a view draws beside the bodies of the model at an instant.
 
     Attributes:
-        time: s.
+        time: Time, s.
         marks: Marks, with different names.
         text: Lines of text.
         target: Point that the camera follows, shape (3,), m.
@@ -132,7 +132,7 @@ class Instant:
     """Values of a run at one time, from which its picture is drawn; points in the true world, m.
 
     Attributes:
-        time: s.
+        time: Time, s.
         com: Centre of mass, shape (3,).
         level: Height of the ground under the robot, m.
         zmp: ZMP, shape (3,); None or NaN without contact.

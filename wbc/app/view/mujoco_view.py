@@ -23,7 +23,7 @@ TOP = mujoco.mjtGridPos.mjGRID_TOPLEFT
 
 
 class MujocoView(View):
-    """Window of MuJoCo's viewer; `View` lists its contents, of which the legend is left out."""
+    """Window of MuJoCo's viewer; it shows what a `View` shows, without the legend."""
 
     _window: Any = None
 

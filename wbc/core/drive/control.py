@@ -261,7 +261,7 @@ class DriveControl(Control):
 
     @property
     def reason(self) -> str:
-        """Reason of the last failure, or of the first of a row."""
+        """Reason of the last failure; of failures in successive ticks, that of the first."""
         return self.record.reason
 
     @property

@@ -40,7 +40,7 @@ class FailureRecord:
         policy: Reaction to failures.
         damping: Damping of the joints by this policy, shape (na,), Nms/rad (or Ns/m).
         count: Number of failed ticks so far.
-        reason: Reason of the last failure, or of the first of a row.
+        reason: Reason of the last failure; of failures in successive ticks, that of the first.
     """
 
     def __init__(self, policy: FailurePolicy, torque_limit: Array, dt: float) -> None:

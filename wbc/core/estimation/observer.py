@@ -98,7 +98,7 @@ class Observer:
 
     Attributes:
         robot: The estimated robot; updated in place by every `update`.
-        settings: Settings.
+        settings: Its `ObserverSettings`.
         inertial: Attitude, velocity and gyro bias of the IMU.
         rest: Feet that rest in this tick, the references of the estimate, and those that move.
         load_shares: Shares of the load that the feet bear; also of a foot that moves.

@@ -59,7 +59,7 @@ class OutsideWrench:
     S. Haddadin, A. De Luca, A. Albu-Schäffer, IEEE T-RO 33(6), 2017.
 
     Attributes:
-        settings: Settings.
+        settings: Its `OutsideSettings`.
         wrench: [force; moment about the CoM] on the robot, in the world, without the tare, shape (6,), N and Nm.
         tare: Wrench of empty hands, [force; moment] in the heading of the base, shape (6,), N and Nm.
     """

@@ -109,7 +109,7 @@ class WrenchEstimator:
     The torques of the joints are those that drives report, or else those of the commands (`sent`).
 
     Attributes:
-        settings: Settings.
+        settings: Its `WrenchSettings`.
         source: Origin of the torques of the last measurement that was observed.
         contact: True for each foot that is on the ground, by its own leg's joints.
         wrench: Wrenches of the ground on the soles, [force; moment] in the sole frame at the sole centre, shape

@@ -40,7 +40,7 @@ class ConformanceReport:
     """Results of all checks.
 
     Attributes:
-        checks: In the order in which they were made.
+        checks: All checks, in the order in which they were made.
     """
 
     checks: tuple[Check, ...]

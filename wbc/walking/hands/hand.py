@@ -82,11 +82,17 @@ class HandState(enum.Enum):
     """State of a hand."""
 
     FREE = "free"
+    """It has no order."""
     REACH = "reach"
+    """It goes to the start of its approach, and learns the tare of its sensor."""
     APPROACH = "approach"
+    """It goes towards the surface until it touches it."""
     HOLD = "hold"
+    """It presses with the ordered force."""
     GRIP = "grip"
+    """It holds a handle, and yields to the force on it."""
     LOST = "lost"
+    """It has lost its contact or its sensor, and stays where it is; its force goes to zero."""
 
 
 @settings

@@ -58,8 +58,8 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
-        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn of its
-            link by the gyroscope less that by the estimate, which holds on to the feet.
+        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: the turn
+            by the gyroscope minus that of the estimate, which takes the feet as fixed.
     """
 
     def __init__(
@@ -167,7 +167,7 @@ class Hands:
 
         Args:
             hand: Role of the hand.
-            force: N.
+            force: Force, N.
             direction: Direction in which the hand presses, in the world, shape (3,): (0, 0, −1) on a table.
             at: Point of the surface, in the world of the robot's estimate, shape (3,), m: the hand goes before it
                 first; it approaches from where it is when None. A hand that presses already stays on its surface.

@@ -42,7 +42,7 @@ class Arms:
         walking.arms["right_hand"].reach([0.0, -0.1, 0.0], "box")
 
     Attributes:
-        settings: Settings.
+        settings: Its `ArmSettings`.
         all: Role of a hand → its arm.
     """
 

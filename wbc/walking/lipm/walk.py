@@ -102,7 +102,7 @@ class LipmWalk(ReferenceSource):
     """Walk of one robot along planned steps: those of a plan, a velocity, a goal or a planner.
 
     Attributes:
-        settings: Settings.
+        settings: Its `WalkSettings`.
         dt: Control period, s.
         time: Time since the walk began, s.
         phases: Plan as it is now, and the phase that it is in.

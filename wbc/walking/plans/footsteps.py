@@ -54,9 +54,9 @@ class Footstep:
 
     Attributes:
         side: "left" or "right".
-        x: Sole centre in the world, m.
-        y: Sole centre in the world, m.
-        z: Sole centre in the world, m.
+        x: x of the sole centre in the world, m.
+        y: y of the sole centre in the world, m.
+        z: z of the sole centre in the world, m.
         yaw: Heading, rad.
         pitch: Slope along the foot, toe down positive, rad.
         roll: Slope across the foot, rad.

@@ -40,8 +40,8 @@ class ShownPartOptions:
         cell: Only these cells, by name or beginning of a name.
         arm: Only these arms.
         seeds: Only the first so many seeds.
-        code: Python file that the study or its journal names and that may be run; may be given several times. No other
-            is run, but the code of a study that is run.
+        code: Python file that the study or its journal names and that may be run; may be given several times. Beside
+            these, only the file of the study's own kind is run.
     """
 
     cell: tuple[str, ...] = ()

@@ -88,7 +88,7 @@ class Plausibility:
     """Checks every measurement of a control and repairs what it can.
 
     Attributes:
-        settings: Settings.
+        settings: Its `PlausibilitySettings`.
         refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
         stamps: Check of the time stamps; `pace` is its sentence.

@@ -183,17 +183,17 @@ class Status(enum.Enum):
     ok: bool
 
     SOLVED = "solved"
-    """By the active set of the tick before, by DAQP from there, or by the solver that the settings name."""
+    """Solved by the active set of the tick before, by DAQP from there, or by the solver that the settings name."""
     FALLBACK = "fallback"
-    """By DAQP without a guess."""
+    """Solved by DAQP without a guess."""
     BADLY_SCALED = "badly scaled"
-    """By DAQP with small costs raised: weights span too many decades, or friction is nearly zero."""
+    """Solved by DAQP with small costs raised: weights span too many decades, or friction is nearly zero."""
     RELAXED = "relaxed"
-    """By DAQP, with limits, hard tasks or contact motion as costs: they could not all be satisfied."""
+    """Solved by DAQP with limits, hard tasks or contact motion as costs: not all of them could be satisfied."""
     INFEASIBLE = "infeasible"
-    """None: hard constraints contradict each other, whatever limits give way."""
+    """No solution: hard constraints contradict each other, whatever limits give way."""
     REFUSED = "refused"
-    """None: the QP has NaN or infinity in it."""
+    """No solution: the QP has NaN or infinity in it."""
 
     def __init__(self, value: str) -> None:
         self.ok = value not in ("infeasible", "refused")
