@@ -59,53 +59,68 @@ def draw_tour(path: Path) -> None:
 
 def draw_shares(
     path: Path,
-    rows: list[list[str]],
+    parts: dict[str, list[list[str]]],
     columns: dict[int, tuple[str, str]],
     names: int = 1,
     what: str = "completed (%)",
 ) -> None:
-    """Shares of walks, "k of n" in columns of a table, with the 95 % intervals of independent walks.
+    """Shares of walks, "k of n" in columns of tables, with the 95 % intervals of independent walks.
 
     Args:
         path: File of the figure.
-        rows: Cells of the table.
+        parts: Title of a part of the figure → cells of its table.
         columns: Column → its colour and its name in the legend.
         names: Number of the first columns that name a row.
         what: What is counted.
     """
-    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.34 * len(rows)), layout="constrained")
-    for column, (colour, label) in columns.items():
-        shift = 0.3 * (list(columns).index(column) - 0.5 * (len(columns) - 1))
-        places, shares = [], []
-        for i, row in enumerate(rows):
-            if len(found := numbers(row[column])) < 2:
-                continue
-            done, count = (int(value) for value in found[:2])
-            low, high = share_interval(done, count)
-            axis.plot([100.0 * low, 100.0 * high], [i + shift] * 2, color=colour, lw=1.8)
-            places.append(i + shift)
-            shares.append(100.0 * done / count)
-        axis.plot(shares, places, "o", ms=5, color=colour, label=label)
-    labels = [", ".join(filter(None, row[:names])) for row in rows]
-    axis.set_yticks(np.arange(len(rows)), labels, fontsize=9)
-    axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_xlabel(what)
-    axis.set_xlim(0.0, 102.0)
-    axis.grid(axis="x", color="0.9")
-    axis.set_axisbelow(True)
+    counts = [len(rows) for rows in parts.values()]
+    height = 0.55 + 0.34 * len(counts) + 0.33 * sum(counts)
+    figure, axes = plt.subplots(
+        len(parts),
+        figsize=(8.4, height),
+        sharex=True,
+        squeeze=False,
+        height_ratios=counts,
+        layout="constrained",
+    )
+    for axis, (title, rows) in zip(axes[:, 0], parts.items(), strict=True):
+        for k, (column, (colour, label)) in enumerate(columns.items()):
+            places, shares = [], []
+            for i, row in enumerate(rows):
+                if len(found := numbers(row[column])) < 2:
+                    continue
+                done, count = (int(value) for value in found[:2])
+                place = i + 0.3 * (k - 0.5 * (len(columns) - 1))
+                axis.plot(100.0 * np.array(share_interval(done, count)), [place] * 2, color=colour, lw=1.8)
+                places.append(place)
+                shares.append(100.0 * done / count)
+            axis.plot(shares, places, "o", ms=5, color=colour, label=label)
+        labels = [", ".join(filter(None, row[:names])) for row in rows]
+        axis.set_title(title, loc="left", fontsize=10)
+        axis.set_yticks(np.arange(len(rows)), labels, fontsize=9)
+        axis.set_ylim(len(rows) - 0.5, -0.5)
+        axis.set_xlim(0.0, 102.0)
+        axis.grid(axis="x", color="0.9")
+        axis.set_axisbelow(True)
+    axes[-1, 0].set_xlabel(what)
     if len(columns) > 1:
-        axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(columns))
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, frameon=False, loc="outside upper right", ncols=len(columns))
     save(figure, path)
 
 
 def draw_rough(path: Path) -> None:
     """Share of walks of g1 with free steps that arrive over rough ground, blind."""
-    draw_shares(path, table("measured_walks.md", "Free steps, blind, flat feet"), {1: (BLUE, "g1")})
+    rows = table("measured_walks.md", "Free steps, blind, flat feet")
+    title = "g1, 3 m, free steps, blind, flat feet (older law)"
+    draw_shares(path, {title: rows}, {1: (BLUE, "g1")}, what="walks that arrive (%)")
 
 
 def draw_own_soles(path: Path) -> None:
-    """Share of walks on own soles that arrive on a soft floor and over tilting plates."""
-    draw_shares(path, table("measured_floors.md", "Free steps, 1.5 m, own flat soles"), {1: (BLUE, "arrive")})
+    """Share of walks on own soles that arrive on a soft floor."""
+    rows = table("measured_floors.md", "Floor and robot")
+    title = "1.5 m, free steps, own flat soles"
+    draw_shares(path, {title: rows}, {1: (BLUE, "arrive")}, what="walks that arrive (%)")
 
 
 def draw_standing(path: Path) -> None:
@@ -128,7 +143,7 @@ def draw_standing(path: Path) -> None:
 
 def draw_slip(path: Path) -> None:
     """Error of the estimated place after feet have slipped, without and with the rule, joined by a line."""
-    rows = table("measured_floors.md", "Error of the place at the end, mm")
+    rows = table("measured_estimate.md", "Free steps (older law)")
     figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
     without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
     for i, pair in enumerate(zip(without, with_it, strict=True)):
@@ -145,32 +160,100 @@ def draw_slip(path: Path) -> None:
 
 def draw_seeing(path: Path) -> None:
     """Share of completed walks over rough ground, blind and with a depth camera."""
-    columns = {1: (ORANGE, "blind"), 2: (BLUE, "depth camera")}
-    rows = []
-    for heights in ("usual heights", "about 1.5 times as high", "usual heights, other layouts"):
-        found = table("measured_seeing.md", f"`hrp4_class`, 3 m, {heights} |")
-        suffix = heights.removeprefix("usual heights").removeprefix(", ")
-        rows += [[", ".join(filter(None, (row[0], suffix))), *row[1:]] for row in found]
-    draw_shares(path, rows, columns)
+    heads = {
+        "usual heights": "usual heights",
+        "1.5 times the heights": "about 1.5 times the heights, older law",
+        "other layouts": "usual heights, other layouts, older law",
+    }
+    parts = {title: table("measured_seeing.md", f"Steps, sole ({head})") for head, title in heads.items()}
+    draw_shares(
+        path,
+        parts,
+        {1: (ORANGE, "blind"), 2: (BLUE, "with a depth camera")},
+        what="walks of hrp4_class completed (%)",
+    )
 
 
 def draw_policies(path: Path) -> None:
     """Share of policies that are taken over in time, in a walk and after a push."""
-    columns = {3: (BLUE, "stood")}
-    draw_shares(path, table("measured_policies.md", "Taken over"), columns, names=2, what="stood (%)")
+    rows = table("measured_policies.md", "Taken over")
+    draw_shares(path, {"": rows}, {3: (BLUE, "stood")}, names=2, what="runs in which the robot stood (%)")
 
 
-def draw_kinematics(path: Path) -> None:
-    """Time of a step of inverse kinematics of other libraries, over that of this one."""
-    rows = table("measured_controller.md", "time divided by that of `wbc`")
-    figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    for k, (name, colour) in enumerate((("Pink 4.4", BLUE), ("mink 1.3", ORANGE), ("PlaCo 0.10", AMBER))):
-        places = np.arange(len(rows)) + 0.25 * (1 - k)
-        axis.barh(places, [numbers(row[1 + k])[0] for row in rows], 0.22, color=colour, label=name)
+def draw_libraries(path: Path) -> None:
+    """Times of other libraries over those of this one: a tick of Talos, and steps of inverse kinematics."""
+    bars = [
+        (f"tick of Talos: {row[0]}", numbers(row[2])[0], BLUE)
+        for row in table("measured_controller.md", "A tick of Talos")
+        if not row[0].startswith("wbc")
+    ]
+    for row in table("measured_controller.md", "A step (two busy cores)"):
+        robot, ratios = row[0].partition(":")[0], [numbers(cell)[0] for cell in row[2:]]
+        for library, ratio in zip(("Pink 4.4", "mink 1.3", "PlaCo 0.10"), ratios, strict=True):
+            bars.append((f"step of {robot}: {library}", ratio, SKY))
+    names, values, colours = zip(*bars, strict=True)
+    figure, axis = plt.subplots(figsize=(8.4, 3.0), layout="constrained")
+    axis.bar_label(axis.barh(names, values, color=colours), fmt="%.2g", padding=3, fontsize=9)
     axis.axvline(1.0, color="black", lw=1.0)
-    axis.set_yticks(np.arange(len(rows)), [row[0].partition(":")[0] for row in rows])
-    axis.set_xlabel("time over that of wbc (1: as fast)")
-    axis.legend(frameon=False)
+    axis.invert_yaxis()
+    axis.margins(x=0.08)
+    axis.set_xlabel("time divided by that of wbc (above 1, wbc is faster)")
+    save(figure, path)
+
+
+def draw_period(path: Path) -> None:
+    """Parts of the wall time of a control period of simulated walks."""
+    rows = table("measured_simulation.md", "Wall time, µs")
+    parts = ["physics", "sensors, observer", "walk, stabilizer", "QP", "rest of the tick, result"]
+    figure, axis = plt.subplots(figsize=(8.4, 2.5), layout="constrained")
+    left = np.zeros(len(rows))
+    for column, (part, colour) in enumerate(
+        zip(parts, (GREY, SKY, BLUE, ORANGE, AMBER), strict=True), start=1
+    ):
+        widths = np.array([numbers(row[column])[0] for row in rows])
+        axis.barh([row[0] for row in rows], widths, left=left, color=colour, label=part)
+        left += widths
+    axis.invert_yaxis()
+    axis.set_xlabel("wall time of a control period (µs)")
+    figure.legend(frameon=False, loc="outside upper center", ncols=len(parts), fontsize=8)
+    save(figure, path)
+
+
+def draw_bar(path: Path) -> None:
+    """Depth of the ankle and largest angle of a hinge of feet on a bar, over the load."""
+    rows = table("measured_simulation.md", "Load on a bar")
+    loads = [50, 100, 200, 400]
+    figure, axes = plt.subplots(1, 2, figsize=(8.4, 3.4), layout="constrained")
+    for k, row in enumerate(rows):
+        axis, colour = axes[k // 3], (ORANGE, AMBER, BLUE)[k % 3]
+        axis.plot(
+            loads, [numbers(cell)[0] for cell in row[1:]], "o-", color=colour, label=row[0].partition(": ")[2]
+        )
+    for axis, label in zip(
+        axes, ("depth of the ankle (mm)", "largest angle of a hinge (degrees)"), strict=True
+    ):
+        axis.set_xlabel("load (N)")
+        axis.set_ylabel(label)
+        axis.set_ylim(0.0)
+        axis.grid(color="0.9")
+    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, loc="outside upper center", ncols=3)
+    save(figure, path)
+
+
+def draw_carts(path: Path) -> None:
+    """Distance of the cart from its place at the end of each run."""
+    rows = table("measured_hands.md", "Cart: control, robot")
+    figure, axis = plt.subplots(figsize=(8.4, 1.1 + 0.28 * len(rows)), layout="constrained")
+    for control, colour in (("position", ORANGE), ("torque", BLUE)):
+        own = [row for row in rows if row[0].startswith(control)]
+        names = [f"{row[0].partition(', ')[2]}, {row[2]}, seed {row[1]} ({control})" for row in own]
+        bars = axis.barh(names, [numbers(row[4])[0] for row in own], color=colour, label=f"{control} control")
+        axis.bar_label(bars, padding=3, fontsize=9)
+    axis.invert_yaxis()
+    axis.margins(x=0.08)
+    axis.set_xlabel("distance of the cart from its place at the end (mm)")
+    axis.tick_params(axis="y", labelsize=9)
+    axis.legend(frameon=False, loc="lower right")
     save(figure, path)
 
 
@@ -181,8 +264,11 @@ def main() -> None:
     mpl.use("Agg")
     mpl.rcParams |= {"svg.hashsalt": "wbc", "svg.fonttype": "none", "font.family": "sans-serif"}
     for name, draw in (
-        ("measured_kinematics.svg", draw_kinematics),
+        ("measured_bar.svg", draw_bar),
+        ("measured_carts.svg", draw_carts),
+        ("measured_libraries.svg", draw_libraries),
         ("measured_own_soles.svg", draw_own_soles),
+        ("measured_period.svg", draw_period),
         ("measured_policies.svg", draw_policies),
         ("measured_rough.svg", draw_rough),
         ("measured_seeing.svg", draw_seeing),
