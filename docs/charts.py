@@ -125,7 +125,7 @@ def draw_own_soles(path: Path) -> None:
 
 def draw_standing(path: Path) -> None:
     """Largest impulse that a standing robot recovers from, by direction."""
-    rows = table("measured_pushes.md", "Largest impulse, Ns/kg")
+    rows = table("measured_pushes.md", "Largest impulse held standing, Ns/kg")
     figure, axis = plt.subplots(figsize=(8.4, 3.0), layout="constrained")
     colours = {"hrp4_class": (ORANGE, AMBER, PINK), "talos": (BLUE, SKY, GREEN)}
     modes = ["position", "torque", "hybrid"]
