@@ -69,6 +69,9 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
+WBC_PAGE = (ROOT / "docs" / "api" / "wbc.md").read_text("utf-8")
+"""Page of the names that programs use most, with tables of members to which other pages link."""
+
 CLONE = re.compile(
     r"^> The tables give [^\n]*\n|^<!-- members of wbc\.(?!core\.qp\.options)[^\n]* -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
@@ -79,7 +82,7 @@ LISTED = re.compile(r"^<!-- (names|members) of ([\w.]+)(?:: ([\w, ]+))? -->$", r
 """Comment in front of a table of the reference: a package with some of its names or all, or a class."""
 
 MEMBERS_OF, INSIDE = (
-    re.compile(r"^<!-- members of \S*\.(\w+)", re.MULTILINE),
+    re.compile(r"^<!-- members of (\S*\.\w+)", re.MULTILINE),
     re.compile(r"\[([^]]+)\]\((?:wbc\.md)?#(\w+)\)"),
 )
 """Class whose members have a table with a heading, and link to a heading of the same page or of that of `wbc`."""
@@ -96,12 +99,19 @@ SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 def change_source(app: Sphinx, docname: str, source: list[str]) -> None:
     """Leave out what is for readers in a clone, mark links out of the documentation, and add entries of names."""
     text = OUTSIDE.sub(r"](path:\1)", CLONE.sub("", source[0]))
-    gone = {name.lower() for name in MEMBERS_OF.findall(source[0])}.difference(
-        name.lower() for name in re.findall(r"^### (\w+)$", text, re.MULTILINE)
-    )
-    text = INSIDE.sub(
-        lambda found: found[1] if found[2] in gone or "(wbc.md#" in found[0] else found[0], text
-    )
+    paths = {
+        path.rpartition(".")[2].lower(): path
+        for page in (WBC_PAGE, source[0])
+        for path in MEMBERS_OF.findall(page)
+    }
+    kept = {name.lower() for name in re.findall(r"^### (\w+)$", text, re.MULTILINE)}
+
+    def to_class(found: re.Match[str]) -> str:
+        """Link to the entry of a class whose table of members is left out."""
+        there = found[2] in paths and ("(wbc.md#" in found[0] or found[2] not in kept)
+        return f"{{py:obj}}`{found[1].replace('`', '')} <{paths[found[2]]}>`" if there else found[0]
+
+    text = INSIDE.sub(to_class, text)
     if entries := list(_entries(source[0], docname)):
         text = text.replace("\n## Members\n", "\n## Reference\n")
         text += "\n".join(("\n```{eval-rst}", *entries, "```\n"))
