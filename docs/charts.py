@@ -116,6 +116,26 @@ def draw_rough(path: Path) -> None:
     draw_shares(path, {title: rows}, {1: (BLUE, "g1")}, what="walks that arrive (%)")
 
 
+def draw_speeds(path: Path) -> None:
+    """Greatest velocities of free steps that are granted and were walked, by robot and direction."""
+    rows = [row[0].split(", ") + row[1:2] for row in table("measured_walks.md", "Robot, direction")]
+    figure, axes = plt.subplots(1, 2, figsize=(8.4, 2.8), width_ratios=(3, 1), layout="constrained")
+    for axis, directions, unit in (
+        (axes[0], ["ahead", "back", "aside"], "m/s"),
+        (axes[1], ["turn"], "rad/s"),
+    ):
+        for k, (robot, colour) in enumerate((("g1", ORANGE), ("hrp4_class", AMBER), ("talos", BLUE))):
+            granted = {direction: numbers(cell)[0] for name, direction, cell in rows if name == robot}
+            places = np.arange(len(directions)) + 0.27 * (k - 1)
+            bars = axis.bar(places, [granted[each] for each in directions], 0.25, color=colour, label=robot)
+            axis.bar_label(bars, fmt="%.2f", fontsize=8)
+        axis.set_xticks(range(len(directions)), directions)
+        axis.set_ylabel(f"greatest velocity ({unit})")
+        axis.margins(y=0.1)
+    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, loc="outside upper center", ncols=3)
+    save(figure, path)
+
+
 def draw_own_soles(path: Path) -> None:
     """Share of walks on own soles that arrive on a soft floor."""
     rows = table("measured_floors.md", "Floor and robot")
@@ -273,6 +293,7 @@ def main() -> None:
         ("measured_rough.svg", draw_rough),
         ("measured_seeing.svg", draw_seeing),
         ("measured_slip.svg", draw_slip),
+        ("measured_speeds.svg", draw_speeds),
         ("measured_standing.svg", draw_standing),
         ("measured_tour.svg", draw_tour),
     ):
