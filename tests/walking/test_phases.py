@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -266,6 +267,39 @@ def test_a_foot_meets_level_ground_half_as_quickly_as_uneven_ground(between: flo
     height = w.phases.gait.landing_height
     (_, _, z), (_, _, down) = swing.motion(w.phases.duration - height / (0.5 * (1.0 + part) * speed))
     assert z == pytest.approx(swing.landing.z + height, abs=1e-9) and down == pytest.approx(-speed)
+
+
+def test_a_tick_calls_no_more_functions_the_longer_the_plan_is() -> None:
+    """Nor where pushes move landings, feet slide, and the ground is higher than planned."""
+
+    def most_calls(steps: int) -> int:
+        w = LipmWalk(ROBOT, walk_path(START, [(0.1, 0.0, 0.0)] * steps), HEIGHT, DT)
+        places, calls, counts = [START.left.placement, START.right.placement], 0, []
+
+        def count(_frame: object, event: str, _argument: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+
+        dcm = np.array((*w.course.pattern.at(0.0).com[:2], 0.0))
+        while w.steps_done < 4:
+            higher, slid = (pin.SE3(np.eye(3), np.array(by)) for by in ((0.0, 0.0, 0.004), (0.003, 0.0, 0.0)))
+            soles, measured = [higher * place for place in places], [slid * places[0], places[1]]
+            if w.swing is not None:
+                dcm += (0.04, 0.0, 0.0)
+            calls, loads = 0, [WEIGHT * share for share in ideal(w)]
+            sys.setprofile(count)
+            try:
+                reference = w.advance(loads, soles, dcm, measured=measured)
+            finally:
+                sys.setprofile(None)
+            counts.append(calls)
+            places = [foot.placement for foot in reference.feet]
+            pendulum = reference.pendulum
+            dcm = pendulum.com + pendulum.com_velocity / pendulum.omega
+        return max(counts)
+
+    most_calls(100)  # which fills caches
+    assert most_calls(600) <= 1.02 * most_calls(100)
 
 
 @pytest.mark.parametrize("last_leaves", [False, True])

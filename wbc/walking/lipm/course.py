@@ -9,7 +9,6 @@ import numpy as np
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.phases import PlanPhases
 from wbc.walking.lipm.preview import PreviewController
@@ -43,9 +42,8 @@ class PlannedCourse:
     def plan(self, phases: PlanPhases, preview: PreviewController) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
         steps = math.ceil(FELT / (self._omega * phases.gait.cycle))
-        count = 2 * steps + (phases.phase is not GaitPhase.SINGLE)  # the last support is one on both feet
         before = self.pattern.at(self.since)
-        self.pattern, self.since = preview.plan(phases.supports()[:count], before), 0.0
+        self.pattern, self.since = preview.plan(phases.supports(steps), before), 0.0
         now = self.pattern.at(0.0)
         self._off.value += _plane(before.com - now.com)
         self._off.velocity += _plane(before.com_velocity - now.com_velocity)

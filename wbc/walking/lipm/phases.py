@@ -100,17 +100,16 @@ class PlanPhases:
         last = self.step + 1 >= len(self.plan)
         return 0.5 * (self.gait.final_double_support if last else self.gait.double_support)
 
-    def supports(self) -> tuple[SupportPhase, ...]:
-        """Return the schedule from now on."""
+    def supports(self, most: int | None = None) -> tuple[SupportPhase, ...]:
+        """Return the schedule from now on: of all steps or of `most`, and the support on both feet after them."""
         if self.rests and len(self.plan) > 0:
             return (SupportPhase(HOLD, self.plan.final, HOLD),)
-        whole = schedule(self.plan)
+        supports = schedule(self.plan, self.step, most)
         if self.phase is GaitPhase.STANDING:
-            return whole
-        index = 2 * self.step + (self.phase is GaitPhase.SINGLE)
-        now = whole[index]
+            return supports
+        now, *later = supports[self.phase is GaitPhase.SINGLE :]
         left = max(self.remaining, 1e-3)
-        return (SupportPhase(left, now.feet, max(now.total, left)), *whole[index + 1 :])
+        return (SupportPhase(left, now.feet, max(now.total, left)), *later)
 
     # ---- changes ------------------------------------------------------------------------------------------------
 

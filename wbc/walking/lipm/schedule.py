@@ -52,20 +52,25 @@ class SupportPhase:
         return len(self.feet) == 1
 
 
-def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
-    """Return the supports of a whole plan, from standing to standing."""
-    gait, count = plan.gait.full, len(plan)
-    if count == 0:
+def schedule(plan: FootstepPlan, first: int = 0, most: int | None = None) -> tuple[SupportPhase, ...]:
+    """Return the supports of a plan from step `first` on: of all steps or of `most`, and that on both feet after them.
+
+    The last support of a plan is the stand at its end.
+    """
+    gait, feet = plan.gait.full, list(plan.feet(first))
+    if not plan.steps:
         total = gait.initial_double_support + gait.final_double_support
         return (SupportPhase(total, (plan.left, plan.right), total),)
     supports = []
-    for k in range(count):
-        time = gait.initial_double_support if k == 0 else gait.double_support
-        leaving = plan.feet(k)[SIDES.index(plan.steps[k].side)]
-        supports.append(SupportPhase(time, (leaving, plan.stance(k)), time))
-        supports.append(SupportPhase(gait.single_support, (plan.stance(k),), gait.single_support))
-    final = gait.final_double_support
-    supports.append(SupportPhase(final, (plan.stance(count - 1), plan.steps[-1]), final))
+    for k, step in enumerate(plan.steps[first:], start=first):
+        swing, time = SIDES.index(step.side), gait.initial_double_support if k == 0 else gait.double_support
+        supports.append(SupportPhase(time, (feet[swing], feet[1 - swing]), time))
+        if k - first == most:
+            return tuple(supports)
+        supports.append(SupportPhase(gait.single_support, (feet[1 - swing],), gait.single_support))
+        feet[swing] = step
+    landed, final = SIDES.index(plan.steps[-1].side), gait.final_double_support
+    supports.append(SupportPhase(final, (feet[1 - landed], feet[landed]), final))
     return tuple(supports)
 
 

@@ -37,6 +37,7 @@ from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
+    AHEAD,
     AT_REST,
     REPLAN,
     DriveSettings,
@@ -231,7 +232,7 @@ class LipmWalk(ReferenceSource):
         self._steer(plan)
 
     def _ask(self, planner: FootstepSource, feet: Sequence[Footstep]) -> FootstepPlan | None:
-        """Return a planner's steps from where the feet stand, the one that swings where it lands.
+        """Return a planner's next steps from where the feet stand, the one that swings where it lands.
 
         The answer is None where the planner has none, and `reason` says why.
         """
@@ -242,7 +243,7 @@ class LipmWalk(ReferenceSource):
         if isinstance(answer, str):
             self.reason = answer
             return None
-        return answer
+        return replace(answer, steps=answer.steps[:AHEAD])
 
     def _steer(self, plan: FootstepPlan) -> None:
         """Replace all steps that have not begun, by none for a stand; a robot that stands sets off."""

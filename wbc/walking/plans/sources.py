@@ -30,6 +30,10 @@ Velocity = tuple[float, float, float]
 
 AT_REST: Velocity = (0.0, 0.0, 0.0)
 
+AHEAD = 64
+"""Greatest number of steps that a walk plans with: it is asked again at each landing, and later steps do not change its
+motion now (`wbc.walking.lipm.course.FELT` is the time of 34 steps of the quickest gait)."""
+
 BESIDE, MORE = 0.25, 6
 """Distance of a foot from its last place in a plan, over the longest step, from which a robot that was pushed takes a
 further step; greatest number of these."""
@@ -100,8 +104,8 @@ class FootstepSource(ABC):
             too.
         granted: Velocity of the present plan; None for the mean of its next two steps.
         pace: Speed of the gait (`SPEEDS`), m/s.
-        to_check: Number of the next steps that are checked against the reach of the legs; None for all, 0 for a planner
-            whose steps are within reach by construction.
+        to_check: Number of steps of the next answer that are checked against the reach of the legs; None for all, 0 for
+            a planner whose steps are within reach by construction.
     """
 
     order: object = None
@@ -125,6 +129,8 @@ class PlanSource(FootstepSource):
     the height drifts by millimetres a step. Feet that a push has put elsewhere go back to them: a step that is out of
     reach from there goes as far as it can, and a robot whose feet end beside their places takes further steps.
 
+    The first answer has all steps, so that all are checked; later ones have `AHEAD` at most.
+
     Attributes:
         plan: Plan; a step that a foot takes out of turn becomes a part of it.
     """
@@ -132,42 +138,46 @@ class PlanSource(FootstepSource):
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
         self.plan = plan
-        self._gait = plan.gait.full.for_stairs() if plan.climbs else plan.gait.full
-        self._begun: int | None = None
+        self._climbs = plan.climbs
+        self._gait = plan.gait.full.for_stairs() if self._climbs else plan.gait.full
+        self._begun: int | None = None  # steps before the first one of the plan
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
         start = replace(now.start, gait=self._gait)
+        most = None if self._begun is None else AHEAD
         if self._begun is None:
             self._begun = now.begun
-        else:
-            self.to_check = 2  # the others have been checked, and are as they were
+            self.to_check = 2  # of later answers: the others have been checked, and are as they were
         done = now.begun - self._begun
-        steps = self.plan.steps[done:]
-        if (
-            now.first is not None and steps and steps[0].side != now.first
-        ):  # the other foot had to step out of a push
-            steps = (*(close_up(start, now.first).steps or (start.foot(now.first),)), *steps)
-            self.plan = replace(self.plan, steps=(*self.plan.steps[:done], *steps))
+        self._keep_turn(start, done, now.first)
+        steps: Sequence[Footstep] = self.plan.steps[done:][:most]
         if 0 < done <= len(self.plan):
             last = self.plan.steps[done - 1]
             rise = start.foot(last.side).z - last.z
-            steps = tuple(replace(step, z=step.z + rise) for step in steps)
-        if now.reach is not None and self.plan.steps and not self.plan.climbs:
-            found = self._reached(start, steps, now.reach) if steps else self._further(now, done, now.reach)
-            steps = tuple(found)
-        return replace(start, steps=steps)
+            steps = [replace(step, z=step.z + rise) for step in steps]
+        if (reach := now.reach) is not None and self.plan.steps and not self._climbs:
+            steps = self._reached(start, steps, done, reach) if steps else self._further(now, done, reach)
+        return replace(start, steps=tuple(steps))
 
-    def _reached(self, start: FootstepPlan, steps: Sequence[Footstep], reach: Reach) -> Sequence[Footstep]:
-        """Return steps that feet reach which stand elsewhere than planned.
+    def _keep_turn(self, start: FootstepPlan, done: int, first: str | None) -> None:
+        """Put a step before those to come if the other foot steps `first`, as after a push that made a foot step."""
+        steps = self.plan.steps
+        if first is not None and done < len(steps) and steps[done].side != first:
+            more = close_up(start, first).steps or (start.foot(first),)
+            self.plan = replace(self.plan, steps=(*steps[:done], *more, *steps[done:]))
+
+    def _reached(
+        self, start: FootstepPlan, steps: Sequence[Footstep], done: int, reach: Reach
+    ) -> Sequence[Footstep]:
+        """Return steps that feet reach which stand elsewhere than planned, of a plan of which some are done.
 
         Steps that are fixed, or that are out of reach from where they are planned, stay.
         """
-        first, found = len(self.plan) - len(steps), list(steps)
-        stance = start.foot(other(steps[0].side))
+        found, stance = list(steps), start.foot(other(steps[0].side))
         for i, step in enumerate(steps):
             near = reach.nearest(stance, step)
-            meant = self.plan.stance(first + i)
+            meant = self.plan.stance(done + i)
             if near is step or step.place == "fixed" or reach.nearest(meant, step) is not step:
                 break
             found[i] = stance = near
@@ -191,7 +201,7 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
 
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
     """
-    plan = planner.footsteps(now)
+    to_check, plan = planner.to_check, planner.footsteps(now)
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
@@ -200,10 +210,10 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
         raise InputError(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
         )
-    if now.reach is not None and (planner.to_check != 0 or extent is not None):
-        steps = plan.steps[: planner.to_check or None]
+    if now.reach is not None and (to_check != 0 or extent is not None):
+        steps = plan.steps[: to_check or None]
         checked = replace(plan, left=now.start.left, right=now.start.right, steps=steps)
-        check_plan(checked, now.reach, extent, effort=planner.to_check is None)
+        check_plan(checked, now.reach, extent, effort=to_check is None)
     return plan
 
 
