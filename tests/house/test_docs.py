@@ -36,6 +36,7 @@ LINKED = [
 ]
 LONG = (
     "control.md",
+    "estimation.md",
     "logs.md",
     "motion.md",
     "coming_from.md",
@@ -209,16 +210,21 @@ def test_programs_of_other_libraries_print_what_ours_do(library: str, workplace:
     assert printed.getvalue() == expected
 
 
-def test_the_smallest_of_each_works(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Task, foot, ground, robot, study and command of CONTRIBUTING."""
-    names = run(ROOT / "CONTRIBUTING.md", slow=False)
-    robot = wbc.load_robot("biped").robot()
+def test_the_task_of_the_page_of_tasks_works() -> None:
+    names = run(ROOT / "docs" / "tasks.md", slow=False)
+    robot = wbc.load_robot("hrp4_class").robot()
     controller = wbc.Controller(robot, 0.005)
     controller.add(wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
     height = controller.add(names["HeightTask"](robot.torso_frame))
     assert controller.solve().ok and abs(height.error[0]) < 1e-12
     height.target = height.target + 0.1
     assert controller.solve().ok and height.error[0] == pytest.approx(0.1)
+
+
+def test_the_smallest_of_each_works(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Foot, ground, robot, study and command of CONTRIBUTING."""
+    names = run(ROOT / "CONTRIBUTING.md", slow=False)
+    robot = wbc.load_robot("biped").robot()
     assert {trial.spec.foot for trial in names["study"].trials()} == {"flat", "long_toes"}
     assert press(FootTest(foot("long_toes"), terrain("waves", amplitude=0.01))).hold is not None
     names["mass"]("biped")
