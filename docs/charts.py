@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from pathlib import Path
 
 import matplotlib as mpl
@@ -161,6 +162,24 @@ def draw_standing(path: Path) -> None:
     save(figure, path)
 
 
+def draw_changes(path: Path) -> None:
+    """Punches that changes of the law and of its constants gain and lose, with p."""
+    rows = [row for row in table("measured_pushes.md", "Change of the law") if " to " not in row[1]]
+    names = [textwrap.fill(f"{row[0].partition(';')[0]} ({row[1]} pairs)", 60) for row in rows]
+    gained, lost = np.array([numbers(row[2]) for row in rows]).T
+    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
+    bars = axis.barh(names, gained, color=BLUE)
+    axis.barh(names, -lost, color=ORANGE)
+    axis.bar_label(bars, [f"p = {row[3]}" for row in rows], padding=3, fontsize=8)
+    axis.axvline(0.0, color="black", lw=1.0)
+    axis.xaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    axis.set_xlim(-1.1 * max(lost), 1.3 * max(gained))
+    axis.invert_yaxis()
+    axis.tick_params(axis="y", labelsize=8)
+    axis.set_xlabel("punches lost (left) and gained (right)")
+    save(figure, path)
+
+
 def draw_slip(path: Path) -> None:
     """Error of the estimated place after feet have slipped, without and with the rule, joined by a line."""
     rows = table("measured_estimate.md", "Free steps (older law)")
@@ -286,6 +305,7 @@ def main() -> None:
     for name, draw in (
         ("measured_bar.svg", draw_bar),
         ("measured_carts.svg", draw_carts),
+        ("measured_changes.svg", draw_changes),
         ("measured_libraries.svg", draw_libraries),
         ("measured_own_soles.svg", draw_own_soles),
         ("measured_period.svg", draw_period),
