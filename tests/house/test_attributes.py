@@ -182,8 +182,8 @@ def test_an_attribute_that_is_assigned_as_it_is_read_changes_nothing(what: str, 
             assert {each: state(read(thing, each)) for each in names} == seen, f"{name} of {what}"
 
 
-@pytest.mark.parametrize("what", ITEMS)
-def test_an_option_of_an_item_is_checked_or_refused_where_it_is_assigned(what: str) -> None:
+@pytest.mark.parametrize("what", [*ITEMS, "controller", "inverse kinematics"])
+def test_an_option_is_checked_or_refused_where_it_is_assigned(what: str) -> None:
     thing, kept = made(what, added=True)
     options = [*inspect.signature(type(thing).__init__).parameters][1:]
     assert kept and options

@@ -9,7 +9,7 @@ from typing import Any, overload
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, NoSolutionError
 from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_array
@@ -18,7 +18,7 @@ from wbc.core.kinematics.assembly import VelocityAssembly, solve_levels
 from wbc.core.kinematics.reach import ReachResult, Search
 from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import held_back, is_far
-from wbc.core.qp.items import Item, Items, ItemT
+from wbc.core.qp.items import ANOTHER, Item, Items, ItemT
 from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.store import RowStore
@@ -93,8 +93,10 @@ class InverseKinematics(Items):
 
     Attributes:
         robot: The robot. All methods read its configuration and its velocity; `step` and `update` change them.
+        damping: Cost per squared velocity of every coordinate, divided by the weighted squared error.
     """
 
+    damping: float = fixed(ANOTHER)
     _noun = "solver of inverse kinematics"
     _kinematic = True
     _assembly: VelocityAssembly
@@ -112,8 +114,8 @@ class InverseKinematics(Items):
             damping: Cost per squared velocity of every coordinate, divided by the weighted squared error. It bounds the
                 joint velocities near singular postures, and vanishes as the errors do.
         """
-        super().__init__(robot, dt)
-        self._regularisation, self._damping = regularisation, damping
+        super().__init__(robot, dt, regularisation)
+        self.damping = damping
         self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
         self._solution: VelocitySolution | None = None
         self._close_chains()
@@ -179,7 +181,7 @@ class InverseKinematics(Items):
         order, tasks = sorted({0, *self._levels.values()}), self._tasks if tasks is None else tasks
         levels = [[task for task in tasks if self._levels.get(id(task), 0) == level] for level in order]
         self._assembly = VelocityAssembly(
-            self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping, self._dt
+            self.robot, levels, self._contacts, self._limits, self.regularisation, self.damping, self.dt
         )
         self._solver = QpSolver(self._assembly.problem, SOLVER)
         self._reads_all = any(each.reads == "all" for each in self._items())
@@ -263,7 +265,7 @@ class InverseKinematics(Items):
         if not (status.ok or hold):
             raise NoSolutionError(self._failure(status))
         robot.v[:] = velocities
-        self._move(pin.integrate(robot.model, robot.q, self._dt * velocities))
+        self._move(pin.integrate(robot.model, robot.q, self.dt * velocities))
         return velocities
 
     def _failure(self, status: Status) -> str:

@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, names_in, unknown_name
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
@@ -18,7 +18,7 @@ from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import held_back, status_table
-from wbc.core.qp.items import Item, Items
+from wbc.core.qp.items import ANOTHER, Item, Items
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution, Timings
@@ -36,6 +36,7 @@ class Controller(Items):
 
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
+        settings: Settings of the solver.
         model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
         outside: Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N, for example
             of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
@@ -45,6 +46,7 @@ class Controller(Items):
             the control that runs the controller sets.
     """
 
+    settings: SolverSettings = fixed(ANOTHER)
     _assembly: Assembly
 
     @checked
@@ -65,9 +67,8 @@ class Controller(Items):
                 QP unique, and has a row in the status table.
             settings: Settings of the solver.
         """
-        super().__init__(robot, dt)
-        self._regularisation = regularisation
-        self._settings = settings or SolverSettings()
+        super().__init__(robot, dt, regularisation)
+        self.settings = settings or SolverSettings()
         self.model_time = 0.0
         self._solution: Solution | None = None
         self.outside: Array | None = None
@@ -106,7 +107,7 @@ class Controller(Items):
         tasks = [item for item in new if isinstance(item, VariableTask)]
         tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
         if tasks:
-            alone = Assembly(self.robot, (), contacts, (), self._regularisation)
+            alone = Assembly(self.robot, (), contacts, (), self.regularisation)
             for task in tasks:
                 task.try_on(alone.problem)
 
@@ -168,11 +169,11 @@ class Controller(Items):
         assembly, solver = self._assembly, self._solver
         for task in assembly.listening:
             if measurement is None:
-                task.unobserved(self._dt)
+                task.unobserved(self.dt)
             else:
-                task.observe(measurement, self._dt)
+                task.observe(measurement, self.dt)
         for contact in self._contacts:
-            contact.advance(self._dt)
+            contact.advance(self.dt)
         self._write()
         assembled = perf_counter()
         status = solver.solve()
@@ -199,7 +200,7 @@ class Controller(Items):
 
     def _write(self) -> None:
         """Write the present state into the QP."""
-        self._assembly.write(self._dt, self._torques, self.outside, self._released)
+        self._assembly.write(self.dt, self._torques, self.outside, self._released)
 
     def _variables_of(self, last: Solution | None) -> Array:
         """Return the variables of the last tick by their names: wrenches of contacts that are new are zero."""
@@ -229,7 +230,7 @@ class Controller(Items):
         if not (wrenches or differed):
             return solution.torques
         torques = self._with(solution, wrenches) if wrenches else solution.torques
-        torques = self._assembly.kept(torques, self._dt, before, self.released)
+        torques = self._assembly.kept(torques, self.dt, before, self.released)
         self._commanded = torques, bool(wrenches) or bool((torques != solution.torques).any())
         return torques
 
@@ -246,8 +247,8 @@ class Controller(Items):
     def _rebuild(self) -> None:
         """Make QP and solver of what the controller has now."""
         items = self._tasks, self._contacts, self._limits
-        self._assembly = Assembly(self.robot, *items, self._regularisation)
-        self._solver = QpSolver(self._assembly.problem, self._settings)
+        self._assembly = Assembly(self.robot, *items, self.regularisation)
+        self._solver = QpSolver(self._assembly.problem, self.settings)
         self._dirty = False
 
     def reset(self) -> None:
@@ -270,7 +271,7 @@ class Controller(Items):
         """Return a printable table of the tasks, contacts and limits at the last tick."""
         items = self._tasks, self._contacts
         return status_table(
-            self.robot, self.dt, *items, self._regularisation, self._solution, self.held_back()
+            self.robot, self.dt, *items, self.regularisation, self._solution, self.held_back()
         )
 
     def held_back(self) -> dict[str, tuple[str, ...]]:

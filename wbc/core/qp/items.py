@@ -26,33 +26,34 @@ from wbc.core.robot import Robot
 Item = Task | Contact | Limit
 ItemT = TypeVar("ItemT", bound=Item)
 
+ANOTHER = "make another solver"
+"""Advice on options that stay."""
+
 
 class Items:
     """Base of solvers that have tasks, contacts and limits.
 
     Attributes:
         robot: The robot whose state the solver reads.
+        dt: Control period, s; limits, force ramps and moves of targets are made for it.
+        regularisation: Cost per squared value of every coordinate.
     """
 
     robot: Robot = fixed("make another solver; `update` moves the robot")
+    dt: float = fixed(ANOTHER)
+    regularisation: float = fixed(ANOTHER)
     _assembly: RowStore
 
     _noun: ClassVar[str] = "controller"
     _kinematic: ClassVar[bool] = False
 
-    def __init__(self, robot: Robot, dt: float) -> None:
-        """Begin without tasks, contacts or limits, for a robot and a control period, s."""
-        self.robot = robot
-        self._dt = dt
+    def __init__(self, robot: Robot, dt: float, regularisation: float) -> None:
+        """Begin without tasks, contacts or limits."""
+        self.robot, self.dt, self.regularisation = robot, dt, regularisation
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
         self._limits: list[Limit] = []
         self._dirty = True  # the layout of the QP is not that of the items
-
-    @property
-    def dt(self) -> float:
-        """Control period, s; limits, force ramps and moves of targets are made for it."""
-        return self._dt
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -219,7 +220,7 @@ class Items:
         """Move all targets that are on their way on by one tick."""
         for task in self._tasks:
             if task._move is not None:
-                task.move_on(self._dt)
+                task.move_on(self.dt)
 
     def __repr__(self) -> str:
         lists: dict[str, Sequence[Item]] = {
@@ -230,7 +231,7 @@ class Items:
         held = "; ".join(
             f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists.items() if items
         )
-        return f"{type(self).__name__}({self.robot!r}, dt={self._dt:g} s{f'; {held}' if held else ''})"
+        return f"{type(self).__name__}({self.robot!r}, dt={self.dt:g} s{f'; {held}' if held else ''})"
 
 
 def bind(item: Item, robot: Robot) -> None:
