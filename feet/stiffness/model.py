@@ -151,13 +151,21 @@ class ModelSettings:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Prediction of a model for one profile."""
+    """Prediction of a model for one profile.
 
-    stiffness: float  # stiffness to command, Nm/rad
-    cluster: int  # number of its cluster, from 1
-    distance: float  # distance to the nearest training profile, in standard deviations of the features
-    familiar: bool  # False if that distance exceeds the reach of the model
-    features: Array  # values of the features, shape (number of features,)
+    Attributes:
+        stiffness: Stiffness to command, Nm/rad.
+        cluster: Number of its cluster, from 1.
+        distance: Distance to the nearest training profile, in standard deviations of the features.
+        familiar: False if that distance exceeds the reach of the model.
+        features: Values of the features, shape (number of features,).
+    """
+
+    stiffness: float
+    cluster: int
+    distance: float
+    familiar: bool
+    features: Array
 
 
 @checked

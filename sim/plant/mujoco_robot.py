@@ -39,7 +39,8 @@ class MujocoRobot(Simulation):
     """A robot in a MuJoCo model, common to plants (`wbc.Plant`) and models of one's own (`wbc.sim.MujocoLoop`).
 
     Attributes:
-        model: MuJoCo's model; in its `data` positions and velocities are up to date after `step`.
+        model: MuJoCo's model.
+        data: MuJoCo's state; its positions and velocities are up to date after `step`.
         places: Places of joints, base, feet and IMU in the model.
     """
 

@@ -104,8 +104,10 @@ class Simulation(ABC):
     A derived class says how its engine puts the robot somewhere, advances it, and reads it.
 
     Attributes:
-        description: The robot as data; `robot` is its model, for names and sizes, whose state is not kept up to date.
-        control_period: Time that `step` advances, s; `steps` physics steps of `timestep`.
+        description: The robot as data.
+        robot: Its model, for names and sizes; its state is not kept up to date.
+        control_period: Time that `step` advances, s; `steps` physics steps.
+        timestep: Physics step, s.
         diverged: Reason why the simulation has diverged; None while it has not.
         noise: Sensor errors; `seed` is the seed of their draws.
         machine: Delays, and which sensors exist.

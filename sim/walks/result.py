@@ -144,8 +144,9 @@ class WalkResult(TrialResult):
         energy: Mechanical work of the joints, of which the cost of transport is made.
         vibration: Sum of |a − a of the last sample| over joints and samples, rad/s². Samples are 0.02 s apart, and the
             acceleration a of a joint is the difference of its velocities in two samples over 0.02 s.
-        slip: Way along the ground of the centres of pressure of both soles, summed. A sole counts while its force
-            sensor, or the estimate without one, shows 5 % of the weight, and the point moves by 0.05 m/s or more.
+        slip: Way that the soles slip along the ground, both together: that of the point of a sole at its centre of
+            pressure. It counts while the force sensor, or the estimate without one, shows 5 % of the weight, and the
+            point moves by 0.05 m/s or more.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: Numbers of touch-downs.
         impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over

@@ -134,6 +134,7 @@ class Robot:
         torque_lower: Smallest joint torque, shape (na,), Nm (or N). It is −torque_limit, except for drives whose limits
             differ by direction.
         torque_upper: Largest joint torque, shape (na,), Nm (or N).
+        frames: Role → frame of what is no sole, such as {"left_hand": "left_wrist"}; `roles` has the soles, too.
         torso_frame: Frame of the chest.
         imu_frame: Frame of the inertial measurement unit.
         servos: Gains of the servos; None if they are unknown.

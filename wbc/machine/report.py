@@ -23,9 +23,9 @@ class Phase(enum.Enum):
     """State of the loop, in the order of a run."""
 
     START = "start"
-    """The servos take the joints to half-sitting."""
+    """The servos hold the measured posture, and then take the joints to half-sitting."""
     HANG = "hanging"
-    """The servos hold half-sitting until the feet touch the ground."""
+    """The legs move until the soles are level and under the centre of mass, and hold that until they touch ground."""
     STAND = "balancing what the feet carry"
     """The feet carry a part of the weight, and a balance controller acts until they carry the robot."""
     RUN = "run"

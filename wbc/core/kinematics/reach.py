@@ -58,9 +58,9 @@ class ReachResult:
         errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose. Tasks on
             a velocity, such as a momentum, have none: a search does not move.
         missed: Name of a task or contact beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
-        held_by: Names of the limits that hold the configuration where it is, or that are violated. Where no limit is
-            either, names of the tasks and contacts that pull against what is missed, or of missed ones that pull
-            against each other. Empty where everything is reached, and where a target is out of reach.
+        held_by: Names of the limits that hold the configuration or are violated; without such limits, of the tasks and
+            contacts that pull against what is missed, or of missed ones that pull against each other. Empty where
+            everything is reached, and where a target is out of reach.
         iterations: Number of steps of the last start.
         starts: Number of configurations from which the search began.
     """
