@@ -85,8 +85,8 @@ class WalkSpec(TrialSpec):
         scene_params: Parameters of the scene.
         seed: Seed of the ground and of the sensor errors.
         noise_seed: Separate seed for the sensor errors; `seed` if not given.
-        mode: Kind of drive commands. If not given: hybrid for soft servos, torque for a velocity that planned steps do not
-            reach, else position. Steps are planned in position control, and free in torque and hybrid control.
+        mode: Kind of drive commands. If not given: hybrid for soft servos, torque for a velocity that planned steps do
+            not reach, else position. Steps are planned in position control, and free in torque and hybrid control.
         machine: Delays, friction, payload, and which sensors exist. The observer knows the delays, unless the settings
             have other ones ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
