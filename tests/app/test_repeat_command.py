@@ -211,6 +211,26 @@ def test_a_film_that_cannot_be_drawn_says_why(
         film.renderer(mujoco.MjSpec().compile(), 16, 16)
 
 
+def test_a_renderer_that_mujoco_could_not_make_is_not_asked_for_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A second attempt aborts the process, in libc++, where there is neither EGL nor a display."""
+    import mujoco  # noqa: PLC0415 - with the driver that `film` has chosen
+
+    asked: list[str] = []
+
+    def fail(*_: Any) -> None:
+        asked.append("once")
+        raise mujoco.FatalError("no OpenGL")
+
+    monkeypatch.setattr(drawing, "_refusals", [])
+    monkeypatch.setattr(film, "Renderer", fail)
+    for _ in range(2):
+        with pytest.raises(film.RenderError, match="no OpenGL.*MUJOCO_GL=egl"):
+            film.renderer(mujoco.MjSpec().compile(), 16, 16)
+    assert asked == ["once"]
+
+
 def test_meshcats_page_has_the_caption() -> None:
     sent: list[Any] = []
     page: Any = SimpleNamespace(set_header=lambda *_: None, finish=sent.append)

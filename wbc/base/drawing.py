@@ -35,6 +35,7 @@ GL_HELP = (
 )
 
 _unusable: list[str] = []
+_refusals: list[str] = []  # of renderers that this process could not make
 
 
 class RenderError(WbcError):
@@ -66,12 +67,20 @@ def advice() -> str:
 
 @contextmanager
 def opening() -> Iterator[None]:
-    """Let a renderer of MuJoCo be made in the block; a `RenderError` says what to install if it cannot."""
+    """Let a renderer of MuJoCo be made in the block; a `RenderError` says what to install if it cannot.
+
+    MuJoCo is not asked again after its own `FatalError`: a second attempt would abort the process.
+    """
+    if _refusals:
+        raise RenderError(_refusals[-1])
     try:
         yield
     except Exception as error:  # depends on the missing library
         kind, reason = os.environ.get(VARIABLE, ""), str(error) or type(error).__name__
-        raise RenderError(advice() or f"cannot draw with {VARIABLE}={kind} ({reason}): {GL_HELP}") from error
+        said = advice() or f"cannot draw with {VARIABLE}={kind} ({reason}): {GL_HELP}"
+        if type(error).__name__ == "FatalError":
+            _refusals.append(said)
+        raise RenderError(said) from error
 
 
 def _is_installed(library: str | None) -> bool:
