@@ -45,7 +45,7 @@ class Film:
         size: Width and height, pixels.
         camera: Distance (m), azimuth and elevation (degrees).
         smooth: Time over which the camera's way is averaged, s.
-        marks: Names of the marks that are shown.
+        marks: Names of the marks that are shown, or beginnings of their names.
     """
 
     record: Callable[[Path], None]
@@ -97,7 +97,8 @@ FILMS = {
                 seed=3,
             ),
         ),
-        start=0.5, seconds=14.5, rate=5.0, pace=2.5, size=(420, 360), camera=(2.5, 205.0, -22.0), smooth=1.5,
+        start=0.5, seconds=14.5, rate=5.0, pace=2.5, size=(420, 360), camera=(3.9, 205.0, -34.0), smooth=8.0,
+        marks=("real step",),
     ),
     # A push to the left at 70 % of the force under which this robot falls in some directions.
     "push": Film(
@@ -178,7 +179,7 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
             height = max(replay.floor, places[tick][2] - replay.scale.height)
             camera.lookat[:] = (*near.mean(axis=0), height + 0.74)
             picture = replay.picture(tick)
-            picture.marks = [mark for mark in picture.marks if mark.name in what.marks]
+            picture.marks = [mark for mark in picture.marks if mark.name.startswith(what.marks)]
             before = np.flatnonzero(pushed[:tick] & (times[:tick] > times[tick] - SHOWN * what.pace))
             if before.size:
                 last = int(before[-1])
