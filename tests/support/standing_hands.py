@@ -31,7 +31,7 @@ def measure(walking: WalkingControl, **sensors: Any) -> None:
     """Let hands without an order take in a measurement at rest; their sensors read zero if nothing else is given."""
     robot, hands = walking.controller.robot, walking.hands
     given = {"hand_wrenches": np.zeros((len(hands.all), 6))} | sensors
-    hands.update(at_rest(robot, 0.0, **given), StandSource(robot).update(None), walking.dt)  # type: ignore[arg-type]
+    hands.update(at_rest(robot, 0.0, **given), StandSource(robot).update(None))  # type: ignore[arg-type]
 
 
 def wrench_at(place: np.ndarray[Any, Any], force: Any, moment: Any = (0.0, 0.0, 0.0)) -> np.ndarray[Any, Any]:
@@ -57,15 +57,13 @@ def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Calla
     return hand, tick
 
 
-def feel(
-    hand: Hand, force: Any, moment: Any = (0.0, 0.0, 0.0), chosen: Any = None, dt: float = 0.005
-) -> None:
+def feel(hand: Hand, force: Any, moment: Any = (0.0, 0.0, 0.0), chosen: Any = None) -> None:
     """Let a hand feel a wrench, in the world, for a tick in which the QP has chosen a force for its contact."""
     turn, solution = hand.measured.rotation.T, None
     if chosen is not None:
         contacts = {hand.contact.name: slice(0, 3)}
         solution = SimpleNamespace(layout=SimpleNamespace(contacts=contacts), variables=np.array(chosen))
-    hand.update(np.concatenate((turn @ force, turn @ moment)) + hand.tare, solution, dt)  # type: ignore[arg-type]
+    hand.update(np.concatenate((turn @ force, turn @ moment)) + hand.tare, solution)  # type: ignore[arg-type]
 
 
 def turned(walking: WalkingControl, yaw: float) -> np.ndarray[Any, Any]:

@@ -233,7 +233,7 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
         tick()
     assert np.abs(hand.arm.task.feedforward_acceleration).max() > 0.1
     for _ in range(12):
-        hand.update(None, None, 0.005)
+        hand.update(None, None)
         assert hand.planned == 0.0, "it has touched nothing"
     assert hand.state is HandState.LOST
     robot, here = walking.controller.robot, pin.SE3(hand.arm.place)
@@ -413,7 +413,7 @@ def test_feet_that_slip_are_noticed_while_a_hand_is_used() -> None:
 
     def turn() -> float:
         for _ in range(100):
-            hands.update(measurement, reference, 0.005)
+            hands.update(measurement, reference)
         return hands.slip
 
     assert turn() == 0.0

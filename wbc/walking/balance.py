@@ -118,7 +118,7 @@ class Balance:
             if contact[side] != before[side]:
                 stabilizer.feet.reset(side)
         if outside is not None and hands is not None and not output.in_air:
-            hands.help(output.feet.shortfall[3:5], output.zmp, dt)
+            hands.help(output.feet.shortfall[3:5], output.zmp)
         if self.lean is not None:  # towards the moment that the feet cannot give
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)

@@ -245,7 +245,7 @@ class WalkingControl(SteeredControl):
             body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
         lean, twist, output = UPRIGHT, UNTWISTED, None
-        outside = None if hands is None else hands.update(state.measurement, reference, self._dt)
+        outside = None if hands is None else hands.update(state.measurement, reference)
         # Free steps begin from the CoM that hands have shifted.
         shifts = outside is not None and not (balance is None and progress.phase is GaitPhase.SINGLE)
         if hands is not None and shifts:

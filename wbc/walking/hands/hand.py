@@ -44,17 +44,30 @@ from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
 
-GAP, CLEARANCE, SEARCH, BEHIND = 0.01, 0.05, 0.5, 0.03
-"""Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach; greatest
-length of an approach; error of a searching hand above which its arm counts as stretched, and the contact as lost, m."""
+GAP = 0.01
+"""Distance of the tip of a hand from a handle that it grips, m."""
+
+CLEARANCE = 0.05
+"""Distance of the tip of a hand from a surface at the start of its approach, m."""
+
+SEARCH = 0.5
+"""Greatest length of an approach, m."""
+
+BEHIND = 0.03
+"""Error of a hand on its approach above which its arm counts as stretched, and the contact as lost, m."""
 
 TURN = 0.003
 """Ratio of the cost of the orientation of a hand to that of its place: an arm that folds turns the hand, and one that
 cannot point where the hand is to press still goes there."""
 
-LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
-"""Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
-is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
+LOSS, LOSS_TIME = 0.3, 0.02
+"""Ratio of measured to planned force below which a contact is lost after a time, and that time, s."""
+
+LOSS_RAMP = 0.15
+"""Time over which a lost force is faded out of the balance, s."""
+
+SILENCE = 0.05
+"""Time without a reading after which a pressing hand has lost its contact, s."""
 
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
@@ -69,10 +82,15 @@ slow one shifts the CoM for hands that grip, and is the feed-forward of their ar
 LEAST_WAY = 0.01
 """Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
 
-PRESS_WEIGHT, GRIP_WEIGHT, BOUNDED = 1.0, 100.0, 1.0
-"""Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
-of a sole; lack of force from which on an arm counts as too weak, N. What is gripped may roll: with a cost of 1 the QP
-takes 100 N from a cart that gives 17 N as soon as a step asks for it, and the arms throw themselves about."""
+PRESS_WEIGHT = 1.0
+"""Cost of a force other than the asked one of a hand that presses, per N²; that of a sole is 10⁻³ per (Nm)²."""
+
+GRIP_WEIGHT = 100.0
+"""The same of a hand that grips, per N² and (Nm)². What is gripped may roll: with a cost of 1 the QP takes 100 N from a
+cart that gives 17 N as soon as a step asks for it, and the arms throw themselves about."""
+
+BOUNDED = 1.0
+"""Lack of force from which on an arm counts as too weak, N."""
 
 ZERO = np.zeros(3)
 """No moment, or no turning."""
@@ -155,7 +173,7 @@ class Hand:
         """Begin free: the controller gets task and contacts of the hand with its first order."""
         self.measured = estimate.placement(arm.frame)
         self.name, self.arm, self.index, self._settings = arm.name, arm, index, settings
-        self._controller, name, frame = controller, arm.name, arm.frame
+        self._controller, self._dt, name, frame = controller, controller.dt, arm.name, arm.frame
         self._touch = settings.touch * controller.robot.force_scale
         arm.yield_by(settings.lag, 2.0 * settings.approach)
         options: ContactOptions = {  # the motion is the task's
@@ -176,18 +194,24 @@ class Hand:
         self.direction = np.zeros(3)
         self._reading, self.tare = np.zeros(6), np.zeros(6)
         self._then = HandState.APPROACH  # state after the way to where it presses or grips
-        self._enter(HandState.FREE)
+        self._begin(HandState.FREE)
 
-    def _enter(self, state: HandState) -> None:
-        """Begin without a force."""
-        self.state, self.force = state, Ramp()
+    def _begin(self, state: HandState) -> None:
+        """Begin in a state without a force."""
+        self.force = Ramp()
         self.ordered = self.pressed = self.extra = 0.0
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
-        self.contact.active = self.grasp.active = False
         self._silent = 0.0  # time since the last reading, s
-        self._lasted = 0.0  # time for which its way, a touch or a lack of force has lasted in this state, s
+        self._enter(state)
+
+    def _enter(self, state: HandState) -> None:
+        """Change to a state, which has its contact."""
+        self.state = state
+        self.contact.active, self.grasp.active = state is HandState.HOLD, state is HandState.GRIP
+        self._elapsed = 0.0  # time in this state, s
+        self._lasted = 0.0  # time for which the sign that ends it has lasted, a touch or a lack of force, s
 
     @property
     def reach(self) -> float:
@@ -248,7 +272,7 @@ class Hand:
             self.contact.normal = -direction
             self.force.to(force, self._settings.ramp)
             return
-        self._begin(direction, force, self.contact, self._force)
+        self._order(direction, force, self.contact, self._force)
         if at is None:
             self._search(pin.SE3(self.arm.place))
         else:
@@ -256,16 +280,16 @@ class Hand:
 
     def grip(self, direction: Array, limit: float, at: Array) -> None:
         """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
-        self._begin(direction, limit, self.grasp, self._wrench)
+        self._order(direction, limit, self.grasp, self._wrench)
         self._go(at - (GAP + self._settings.length) * direction, HandState.GRIP)
 
-    def _begin(self, direction: Array, force: float, *items: Item) -> None:
+    def _order(self, direction: Array, force: float, *items: Item) -> None:
         """Begin with an order: the controller gets what it does not have yet of a hand."""
         present = (*self._controller.tasks, *self._controller.contacts)
         for item in items:
             if not any(item is other for other in present):
                 self._controller.add(item)
-        self._enter(HandState.REACH)
+        self._begin(HandState.REACH)
         self.direction, self.ordered = direction, force
 
     def _go(self, point: Array, then: HandState) -> None:
@@ -286,7 +310,7 @@ class Hand:
 
     def _search(self, start: pin.SE3) -> None:
         """Approach the surface from a place in the world."""
-        self.state, self._lasted = HandState.APPROACH, 0.0
+        self._enter(HandState.APPROACH)
         end = start.translation + SEARCH * self.direction
         self.arm.send([pin.SE3(start.rotation, end)], WORLD, TURN, speed=self._settings.approach)
 
@@ -297,19 +321,16 @@ class Hand:
         elif self.state is not HandState.FREE:
             self._free()
 
-    def help(self, force: float, dt: float) -> None:
+    def help(self, force: float) -> None:
         """Press with a force for the balance on top of the one that is asked for, N, by and by."""
-        self.extra += dt / HELP_TIME * (force - HELP_LEAK * self.extra)
+        self.extra += self._dt / HELP_TIME * (force - HELP_LEAK * self.extra)
 
-    def update(
-        self, reading: Array | None, solution: Solution | None, dt: float, excess: Array = ZERO
-    ) -> Array | None:
+    def update(self, reading: Array | None, solution: Solution | None, excess: Array = ZERO) -> Array | None:
         """Advance by one tick, and return the wrench on the hand, None while it touches nothing.
 
         Args:
             reading: Reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm; None or NaN is none.
             solution: Solution of the QP in the last tick; None in the first one.
-            dt: Control period, s.
             excess: Part of the force on all hands to which this one yields while it grips, in the world, shape (3,), N.
 
         Returns:
@@ -318,24 +339,25 @@ class Hand:
         """
         if self.state is HandState.FREE:
             return None
-        self._sense(reading, dt)
+        self._elapsed += self._dt
+        self._sense(reading)
         wrench, rotation = self._reading - self.tare, self.measured.rotation
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
         if self.state is HandState.HOLD:
-            self._press(wrench, rotation, self.chosen(solution), dt)
+            self._press(wrench, rotation, self.chosen(solution))
         elif self.state is HandState.GRIP:
-            self._carry(wrench, rotation, excess, dt)
+            self._carry(wrench, rotation, excess)
         elif self.state is HandState.REACH:
-            self._reach(wrench, dt)
+            self._reach(wrench)
         elif self.state is HandState.APPROACH:
-            self._approach(dt)
+            self._approach()
         else:
-            self.force.advance(dt)
+            self.force.advance(self._dt)
         if self.state not in (HandState.HOLD, HandState.GRIP, HandState.LOST):
             return None
         return np.asarray(self.measured.act(pin.Force(wrench)).vector)
 
-    def _sense(self, reading: Array | None, dt: float) -> None:
+    def _sense(self, reading: Array | None) -> None:
         """Take a reading of its sensor in; see `update`.
 
         The last reading holds until `SILENCE` has passed. After that a hand that presses or approaches has lost its
@@ -344,7 +366,7 @@ class Hand:
         if reading is not None and np.isfinite(reading).all():
             self._reading[:], self._silent = reading, 0.0
             return
-        before, self._silent = self._silent, self._silent + dt
+        before, self._silent = self._silent, self._silent + self._dt
         if self._silent <= SILENCE:
             return
         self._reading[:] = self.tare
@@ -353,39 +375,40 @@ class Hand:
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
 
-    def _carry(self, wrench: Array, rotation: Array, excess: Array, dt: float) -> None:
+    def _carry(self, wrench: Array, rotation: Array, excess: Array) -> None:
         """Yield to the excess of the force on all hands, and ask the QP for the slow part of the wrench on this one."""
         self.arm.yield_to(np.concatenate((excess @ rotation, ZERO)), REST)
         self.bounded = bool(np.abs(excess[:2]).max() > self._touch)
         force, moment = rotation @ wrench[:3], rotation @ wrench[3:]
-        self.felt += lag_gain(dt, FILTER_TIME) * (force - self.felt)
-        self._borne += lag_gain(dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
+        self.felt += lag_gain(self._dt, FILTER_TIME) * (force - self.felt)
+        self._borne += lag_gain(self._dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
         self._wrench.follow((self._borne.reshape(2, 3) @ self.arm.place.rotation).ravel())
 
-    def _reach(self, wrench: Array, dt: float) -> None:
+    def _reach(self, wrench: Array) -> None:
         """Learn the tare on the way, and begin what comes after it."""
-        arm, first = self.arm, self._lasted == 0.0  # an offset may be more than a touch
-        if first or float(np.linalg.norm(wrench[:3])) < self._touch:
-            self.tare += dt / (self._lasted + dt) * wrench
-        self._lasted += dt
+        arm, share = self.arm, self._dt / self._elapsed  # of this tick: 1 in the first one
+        if (
+            share == 1.0 or float(np.linalg.norm(wrench[:3])) < self._touch
+        ):  # an offset may be more than a touch
+            self.tare += share * wrench
         if arm.moving or (target := arm.target) is None:
             return
         if self._then is HandState.APPROACH:
             self._search(target)
         else:
-            self.state, self.grasp.active = HandState.GRIP, True
+            self._enter(HandState.GRIP)
             arm.send([arm.seen(FEET, target)], FEET, TURN)
 
-    def _press(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
+    def _press(self, wrench: Array, rotation: Array, chosen: Array | None) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
         before, asked = self.force.value, float(self._force.target[2])
         given = self._force.target if chosen is None else chosen
         self.bounded = float(given[2]) < asked - BOUNDED
         self._most = float(given[2]) if self.bounded else math.inf
-        self.force.advance(dt)
+        self.force.advance(self._dt)
         if self.ordered == 0.0:  # the force for the balance fades with it
             self.extra *= self.force.value / max(before, ROUNDING)
-        self._watch(dt)
+        self._watch()
         if self.ordered == 0.0 and self.force.value == 0.0:
             self._free()
             return
@@ -394,13 +417,13 @@ class Hand:
         target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
         self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
-    def _approach(self, dt: float) -> None:
+    def _approach(self) -> None:
         """Begin to press at a touch; stop after a search without one, and where the hand cannot go on."""
         arm = self.arm
-        self._lasted = self._lasted + dt if self.pressed > self._touch else 0.0
-        if self._lasted >= 2.0 * dt - ROUNDING:
-            self.state, self._lasted = HandState.HOLD, 0.0
-            self.contact.normal, self.contact.active = -self.direction, True
+        self._lasted = self._lasted + self._dt if self.pressed > self._touch else 0.0
+        if self._lasted >= 2.0 * self._dt - ROUNDING:
+            self.contact.normal = -self.direction
+            self._enter(HandState.HOLD)
             arm.stop(WORLD)
             self.force = Ramp(min(self._touch, self.ordered))
             self._force.follow(np.array((0.0, 0.0, self.force.value)))
@@ -408,11 +431,11 @@ class Hand:
         elif not arm.moving or arm.behind > BEHIND:
             self._lose()
 
-    def _watch(self, dt: float) -> None:
+    def _watch(self) -> None:
         """Detect the loss of the contact from a force that stays too small."""
         least = min(self.planned, self.total)
         short = self.pressed < LOSS * least and least > 2.0 * self._touch
-        self._lasted = self._lasted + dt if short else 0.0
+        self._lasted = self._lasted + self._dt if short else 0.0
         if self._lasted > LOSS_TIME + ROUNDING:
             self._lose()
 
@@ -424,10 +447,11 @@ class Hand:
     def _lose(self) -> None:
         """Stop where the hand is, as seen from the feet."""
         self.arm.stop(FEET)
-        self.state, self.contact.active, self.extra = HandState.LOST, False, 0.0
+        self._enter(HandState.LOST)
+        self.extra = 0.0
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:
         """Let the arm go back to its posture, from where it is."""
-        self._enter(HandState.FREE)
+        self._begin(HandState.FREE)
         self.arm.leave()

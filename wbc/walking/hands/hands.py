@@ -45,6 +45,10 @@ RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
 ends decay within about a second, as slowly as the CoM follows them, so that the next walk begins upright."""
 
+STILL, NO_FORCE = 1e-5, 0.1
+"""Shift of the CoM and its speed together, m and m/s, and force, N, below which hands without an order are done: at a
+height of 1 m 0.1 N moves the ZMP of a robot of 40 kg by a quarter of a millimetre."""
+
 HELP_FROM = 1.0
 """Moment that the feet cannot give from which hands help, Nm; of a light robot, its share: their distribution leaves a
 little at any time."""
@@ -58,8 +62,6 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
-        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: the turn
-            by the gyroscope minus that of the estimate, which takes the feet as fixed.
     """
 
     def __init__(
@@ -77,7 +79,7 @@ class Hands:
         The ZMP of a robot that stands stays within a `box` about that middle, m; within the edges when it is None.
         """
         self._controller, self._robot, self._estimate = controller, controller.robot, estimate
-        self.settings = settings
+        self.settings, self._dt = settings, controller.dt
         self._edges, self._box, self._height = edges, box or edges, height
         self.all: Mapping[str, Hand] = MappingProxyType(
             {
@@ -94,7 +96,7 @@ class Hands:
         # Views, which move on with the estimate.
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._imu = estimate.placement(estimate.imu_frame).rotation
-        self._slip, self.slip, self._before = GyroSlip(), 0.0, self._imu.T.copy()
+        self._slip, self._before = GyroSlip(), self._imu.T.copy()
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
 
     @property
@@ -106,6 +108,14 @@ class Hands:
     def shift(self) -> Array:
         """Shift of the CoM for the planned forces, shape (2,), m."""
         return np.asarray(self._shift.value)
+
+    @property
+    def slip(self) -> float:
+        """Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad.
+
+        It is the turn by the gyroscope minus that of the estimate, which takes the feet as fixed.
+        """
+        return self._slip.angle
 
     @property
     def wanted(self) -> bool:
@@ -291,20 +301,20 @@ class Hands:
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
 
-    def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
-        """Advance all hands by dt, s; return the filtered wrench on them at the world origin, shape (6,), or None."""
+    def update(self, measurement: Measurement, reference: Reference) -> Array | None:
+        """Advance all hands by a tick; return the filtered wrench on them at the world origin, shape (6,), or None."""
         self._measurement = measurement
         if not (self.wanted or self.active):
             return None
         rests = reference.progress.phase is GaitPhase.STANDING
-        self._watch_slip(measurement, rests, dt)
+        self._watch_slip(measurement, rests)
         # Wrenches on hands that press, on those that grip, and that which is planned, at the world origin.
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         readings, solution = measurement.hand_wrenches, self._controller.solution
         for hand in self.all.values():
             if hand.at_work:
                 reading = None if readings is None else readings[hand.index]
-                wrench = hand.update(reading, solution, dt, self._excess.get(hand.name, ZERO))
+                wrench = hand.update(reading, solution, self._excess.get(hand.name, ZERO))
                 if wrench is None:
                     continue
                 if hand.state is HandState.GRIP:
@@ -313,23 +323,23 @@ class Hands:
                     felt += wrench
                     planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         self._excess = self._yielded(rests)
+        dt = self._dt
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
         self._shift.follow(self._beyond_zmp(-offset, reference.progress.heading) - self._shift.value, dt)
-        moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
-        self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > 0.1
+        moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= STILL
+        self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > NO_FORCE
         if not self.active:
             self.outside[:] = self._slow[:] = 0.0
             self._shift = Follower(SHIFT_TIME, np.zeros(2))
         return self.outside
 
-    def _watch_slip(self, measurement: Measurement, rests: bool, dt: float) -> None:
+    def _watch_slip(self, measurement: Measurement, rests: bool) -> None:
         """Compare the turn by the gyroscope with that of its link in the estimate."""
         before, self._before = self._before, self._imu.T.copy()
         turned = heading(self._imu @ before) if self.active else 0.0
-        self._slip.update(measurement.angular_velocity, self._imu[2], turned, rests, dt)
-        self.slip = self._slip.angle
+        self._slip.update(measurement.angular_velocity, self._imu[2], turned, rests, self._dt)
 
     def _yielded(self, rests: bool) -> dict[str, Array]:
         """Return the forces to which hands that grip yield, shape (3,) each, N.
@@ -363,7 +373,7 @@ class Hands:
         shift = self._shift
         return pendulum.moved(*(np.append(x, 0.0) for x in (shift.value, shift.velocity, shift.acceleration)))
 
-    def help(self, missing: Array, zmp: Array, dt: float) -> None:
+    def help(self, missing: Array, zmp: Array) -> None:
         """Share a moment that the feet lack, about the x and y axes through the ZMP, Nm, among the hands that press."""
         pressing = [hand for hand in self.all.values() if hand.helps]
         if not pressing or self.settings.help == 0.0:
@@ -377,8 +387,8 @@ class Hands:
         size = math.hypot(missing[0], missing[1])
         least = HELP_FROM * self._robot.force_scale
         lacks = missing * (max(0.0, 1.0 - least / size) if size > 0.0 else 0.0)
-        self._missing += lag_gain(dt, HELP_TIME) * (lacks - self._missing)
+        self._missing += lag_gain(self._dt, HELP_TIME) * (lacks - self._missing)
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):
-            hand.help(force, dt)
+            hand.help(force)
