@@ -315,7 +315,7 @@ def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight_and_its_
     for joint, (stiffness, rest) in springs.items():
         at = robot.joint_index(joint)
         held[at] += stiffness * (robot.q[7 + at] - rest)
-    rows = np.array(hand._arm)
+    rows = np.array(hand.joints)
     turn = robot.placement(hand.frame).rotation
     for direction, point in (
         ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
@@ -337,7 +337,7 @@ def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight_and_its_
 def test_the_compliance_of_a_hand_is_its_greatest_displacement_by_a_force_on_its_servos() -> None:
     walking = control()
     robot, hand = walking.controller.robot, walking.arms["left_hand"]
-    rows = np.array(hand._arm)
+    rows = np.array(hand.joints)
     jacobian = pin.computeFrameJacobian(
         robot.model, robot.model.createData(), robot.q, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
     )[:3, BASE_DOF:][:, rows]

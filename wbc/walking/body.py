@@ -245,12 +245,9 @@ class Body:
             self._acceleration = np.zeros(4)
             self.active = bool(self._now.any()) or self._point is not None
             return
-        self._rate = rate = np.empty(4)
-        for part, speed, acceleration in (
-            (slice(0, 1), SPEED, ACCELERATION),
-            (slice(1, 4), TURN_SPEED, TURN_ACCELERATION),
-        ):
-            rate[part] = approach(displacement[part], before[part], speed, acceleration, self._dt)
+        height = approach(displacement[:1], before[:1], SPEED, ACCELERATION, self._dt)
+        trunk = approach(displacement[1:], before[1:], TURN_SPEED, TURN_ACCELERATION, self._dt)
+        self._rate = rate = np.concatenate((height, trunk))
         self._acceleration = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
         if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:

@@ -10,7 +10,6 @@ task moves the arm alone, and takes the motion of all other joints into account.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -28,7 +27,7 @@ from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.compliance import AdmittanceTask
 from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
-from wbc.walking.hands.way import HandWay, Limits
+from wbc.walking.hands.way import HandWay, Route
 from wbc.walking.swing import REST
 
 STIFFNESS, BLEND = 100.0, 0.3
@@ -88,14 +87,12 @@ class Arm:
         self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: TargetFrames
     ) -> None:
         """Leave the arm to the posture; dt is the control period, s."""
-        self._controller, self._robot, self._dt, self._settings = controller, controller.robot, dt, settings
+        self._controller, self._robot, self._dt = controller, controller.robot, dt
         robot, self._frames = controller.robot, frames
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
         self.joints = robot.joints_between(
             self.frame, robot.base_frame if settings.waist else robot.torso_frame
         )
-        self._arm = np.array(self.joints, dtype=np.intp)
-        self._spared = np.setdiff1d(np.arange(robot.nv), self._arm + BASE_DOF)
         self._id, self.place = robot.frame_id(self.frame), robot.placement(self.frame)
         model, chain = robot.model, joints_to(robot.model, self._id, robot.frame_id(robot.torso_frame))
         links = [model.jointPlacements[joint].translation for joint in chain[1:]]
@@ -111,11 +108,12 @@ class Arm:
             error_bound=np.repeat(ERROR_BOUND, 3),
             time_constant=SMOOTHING,
         )
-        self.task.spared, self.task.scale = self._spared, 0.0
+        self.task.spared = np.setdiff1d(np.arange(robot.nv), [BASE_DOF + joint for joint in self.joints])
+        self.task.scale = 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
         self.within = WORLD
-        self._way = HandWay(settings.acceleration, dt)  # in the frame of the target
+        self._way = HandWay(settings.speed, settings.acceleration, dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
         self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
 
@@ -129,7 +127,7 @@ class Arm:
 
     def compliance(self) -> float:
         """Return the compliance of the hand on its servos in the softest direction, m/N."""
-        robot, arm = self._robot, self._arm
+        robot, arm = self._robot, self.joints
         if (servos := robot.servos) is None:
             return COMPLIANCE
         at = robot.model, robot.data, robot.q, self._id, pin.LOCAL_WORLD_ALIGNED
@@ -154,7 +152,7 @@ class Arm:
 
         The force acts at a point in the frame of the hand, shape (3,), m.
         """
-        robot, arm = self._robot, self._arm
+        robot, arm = self._robot, self.joints
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self._id, pin.LOCAL_WORLD_ALIGNED)
         moment = np.cross(self.place.rotation @ point, direction)
         lever = np.concatenate((direction, moment)) @ jacobian[:, BASE_DOF:][:, arm]
@@ -285,7 +283,7 @@ class Arm:
         if acceleration is not None and not timed:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        self.send([goal], frame, turn, [limits] if timed else (), led=False)
+        self.send(Route([goal], frame, turn, [limits] if timed else ()), led=False)
 
     def release(self) -> None:
         """Let the arm go back to its posture; an `InputError` while the hand presses or grips."""
@@ -301,41 +299,21 @@ class Arm:
     def stop(self, frame: str) -> None:
         """Stop and stay where the reference is; in a new frame where the hand is."""
         place = self._way.place if frame == self.within else self.seen(frame)
-        self.send([place], frame, self._way.turn, led=self._led)
+        self.send(Route([place], frame, self._way.turn), led=self._led)
         self._way.velocity = np.zeros(6)
 
-    def send(
-        self,
-        targets: Sequence[pin.SE3],
-        frame: str,
-        turn: float,
-        limits: Sequence[Limits] = (),
-        speed: float | None = None,
-        *,
-        led: bool = True,
-    ) -> None:
-        """Go to a target as fast as a speed lets the hand, or through some to the last one on trajectories.
+    def send(self, route: Route, *, led: bool = True) -> None:
+        """Go along a route; `led` by a hand that presses or grips, the arm takes no targets from `reach` until `leave`.
 
         The reference goes on as it moves. In a new frame, and for the first target, it begins where the hand is.
-
-        Args:
-            targets: Poses in the frame.
-            frame: Name of the frame.
-            turn: Ratio of the cost of the rotation to that of the place; the hand turns as it likes at 0.
-            limits: Limits of the minimum jerk trajectory to each of the targets; none go to the last one.
-            speed: Greatest speed without trajectories, m/s; that of the settings when None.
-            led: True for a hand that presses or grips: until `leave` the arm takes no targets from `reach`.
         """
-        fresh, fastest = (
-            frame != self.within or not self.active,
-            self._settings.speed if speed is None else speed,
-        )
-        self._way.send(targets, turn, limits, fastest, self.seen(frame), fresh=fresh)
+        fresh = route.frame != self.within or not self.active
+        self._way.send(route, self.seen(route.frame), fresh=fresh)
         if fresh:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._led = frame, led
+        self.within, self._led = route.frame, led
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
         self._weigh()
@@ -377,7 +355,7 @@ class Arm:
             self._blend.advance(self._dt)
             self._weigh()
         if accelerations is not None:
-            self.task.spared_acceleration = accelerations[self._spared]
+            self.task.spared_acceleration = accelerations[self.task.spared]
         turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
         self._follow(self._way.advance(pace))

@@ -40,6 +40,7 @@ from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
 from wbc.walking.hands.frames import FEET, WORLD
+from wbc.walking.hands.way import Route
 from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
@@ -306,13 +307,13 @@ class Hand:
             corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
             stops = [(share, corner), (1.0 - share, stops[0][1])]
         limits = [{"duration": part * self._settings.reach_time} for part, _ in stops]
-        self.arm.send([place for _, place in stops], WORLD, TURN, limits)
+        self.arm.send(Route([place for _, place in stops], WORLD, TURN, limits))
 
     def _search(self, start: pin.SE3) -> None:
         """Approach the surface from a place in the world."""
         self._enter(HandState.APPROACH)
         end = start.translation + SEARCH * self.direction
-        self.arm.send([pin.SE3(start.rotation, end)], WORLD, TURN, speed=self._settings.approach)
+        self.arm.send(Route([pin.SE3(start.rotation, end)], WORLD, TURN, speed=self._settings.approach))
 
     def release(self) -> None:
         """Take the force back and let go."""
@@ -397,7 +398,7 @@ class Hand:
             self._search(target)
         else:
             self._enter(HandState.GRIP)
-            arm.send([arm.seen(FEET, target)], FEET, TURN)
+            arm.send(Route([arm.seen(FEET, target)], FEET, TURN))
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""

@@ -6,6 +6,7 @@ All places are in the frame of the target, which the reference does not know.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -25,22 +26,41 @@ Limits = Mapping[str, ArrayLike | None]
 """Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
 
 
+class Route(NamedTuple):
+    """Order of a hand to go to a target, or through other poses to it.
+
+    Attributes:
+        poses: Poses in the frame, that of the target last.
+        frame: Name of the frame.
+        turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
+        limits: Limits of the minimum jerk trajectory to each pose. Without any the hand goes to the target as fast as
+            its speed lets it.
+        speed: Greatest speed without trajectories, m/s; that of the settings when None.
+    """
+
+    poses: Sequence[pin.SE3]
+    frame: str
+    turn: float
+    limits: Sequence[Limits] = ()
+    speed: float | None = None
+
+
 class HandWay:
     """Reference of one hand, on its way to a target.
 
     Attributes:
         goal: Target; None without one.
-        turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
+        turn: That of its `Route`.
         place: Reference.
         velocity: Its velocity, [linear; angular], shape (6,), m/s and rad/s.
         moves: Trajectories to come, where times or speeds were given.
     """
 
-    def __init__(self, acceleration: float, dt: float) -> None:
-        """Begin without a target; with the greatest acceleration, m/s², in ticks of dt, s."""
-        self._acceleration, self._dt = acceleration, dt
+    def __init__(self, speed: float, acceleration: float, dt: float) -> None:
+        """Begin without a target; with a usual speed, m/s, and the greatest acceleration, m/s², in ticks of dt, s."""
+        self._usual, self._acceleration, self._dt = speed, acceleration, dt
         self.goal: pin.SE3 | None = None
-        self.turn, self._fastest = 0.0, 0.0  # and greatest speed without trajectories, m/s
+        self.turn, self._fastest = 0.0, speed  # and greatest speed without trajectories, m/s
         self.place, self.velocity = pin.SE3.Identity(), np.zeros(6)
         self.moves: list[Move] = []
 
@@ -58,30 +78,28 @@ class HandWay:
         turn = np.zeros(3) if self.turn == 0.0 else pin.log3(self.goal.rotation @ here.rotation.T)
         return np.concatenate([self.goal.translation - here.translation, turn])
 
-    def send(
-        self, targets: Sequence[pin.SE3], turn: float, limits: Sequence[Limits], fastest: float, here: pin.SE3,
-        *, fresh: bool,
-    ) -> None:  # fmt: skip
-        """Go on to a target with a greatest speed, m/s, or through some to the last one on trajectories.
+    def send(self, route: Route, here: pin.SE3, *, fresh: bool) -> None:
+        """Go on along a route.
 
-        Each target with limits has a trajectory. A `fresh` reference begins at rest where the hand is, `here`; another
-        one takes the rotation of a hand that has turned as it liked.
+        A `fresh` reference begins at rest where the hand is, `here`; another one takes the rotation of a hand that has
+        turned as it liked.
         """
-        reference, velocity, turns = self.place, self.velocity, turn > 0.0
+        reference, velocity, turns = self.place, self.velocity, route.turn > 0.0
         if fresh:
             reference, velocity = here, np.zeros(6)
         elif turns and self.turn == 0.0:
             reference = pin.SE3(here.rotation, reference.translation)
             velocity = np.concatenate((velocity[:3], np.zeros(3)))
         goals = [
-            pin.SE3(goal.rotation if turns else reference.rotation, goal.translation) for goal in targets
+            pin.SE3(pose.rotation if turns else reference.rotation, pose.translation) for pose in route.poses
         ]
         starts, rates = (reference, *goals), (velocity, *([None] * len(goals)))
         self.moves = [
             Move(PoseCoordinates(start, pin.SE3), [goal], (rate, None), **limit)
-            for start, goal, rate, limit in zip(starts, goals, rates, limits, strict=False)
+            for start, goal, rate, limit in zip(starts, goals, rates, route.limits, strict=False)
         ]
-        self.goal, self.turn, self._fastest = goals[-1], turn, fastest
+        self.goal, self.turn = goals[-1], route.turn
+        self._fastest = self._usual if route.speed is None else route.speed
         self.place, self.velocity = reference, velocity
 
     def end(self) -> None:
@@ -107,13 +125,11 @@ class HandWay:
 
     def _approach(self, pace: Sequence[float]) -> Array:
         """Move towards the target at bounded speeds."""
-        dt, before, place = self._dt, self.velocity.copy(), self.place
+        dt, before, place = self._dt, self.velocity, self.place
         left = self.left(place)
-        for rows, granted, acceleration in (
-            (slice(0, 3), self._fastest * pace[0], self._acceleration),
-            (slice(3, 6), TURN_SPEED * pace[1], TURN_ACCELERATION),
-        ):
-            self.velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
-        place.translation = place.translation + dt * self.velocity[:3]
-        place.rotation = pin.exp3(dt * self.velocity[3:]) @ place.rotation
+        linear = approach(left[:3], before[:3], self._fastest * pace[0], self._acceleration, dt)
+        angular = approach(left[3:], before[3:], TURN_SPEED * pace[1], TURN_ACCELERATION, dt)
+        self.velocity = np.concatenate((linear, angular))
+        place.translation = place.translation + dt * linear
+        place.rotation = pin.exp3(dt * angular) @ place.rotation
         return (self.velocity - before) / dt
