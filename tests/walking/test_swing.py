@@ -219,11 +219,11 @@ def test_no_change_of_landing_time_and_shape_makes_the_foot_jump(
     for passed, (x, y, z), later, turn, stair in changes:
         time += passed
         before, now = foot.at(time), foot.landing
-        foot.shape = shape._replace(**STAIR) if stair else shape
         foot.retarget(
             time,
             replace(now, x=now.x + x, y=now.y + y, z=now.z + z, yaw=now.yaw + turn),
             foot.duration + later,
+            shape._replace(**STAIR) if stair else shape,
         )
         after = foot.at(time)
         np.testing.assert_allclose(after.placement.homogeneous, before.placement.homogeneous, atol=1e-12)

@@ -24,6 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
 from wbc.walking.contact import Event, GaitPhase, touch_down
+from wbc.walking.hands.way import Route
 from wbc.walking.lipm.schedule import HeightProfile, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
@@ -353,7 +354,7 @@ def test_a_reference_turns_and_goes_no_faster_than_it_may_and_stops_where_it_is(
         goal = pin.SE3(
             pin.exp3(np.array([0.0, 1.0, 0.0])) @ start.rotation, start.translation + (0.0, 0.3, 0.0)
         )
-        arm.send([goal], "world", 1.0, speed=speed)
+        arm.send(Route([goal], "world", 1.0, speed=speed))
         most, rates, pushes, before = speed or settings.speed, [], [], np.zeros(6)
         for _ in range(120):
             arm._there = pin.SE3(arm.place)  # a hand that follows at once
@@ -421,8 +422,9 @@ def test_set_points_of_the_body_are_taken_up_to_what_the_robot_reaches() -> None
     """Lean by 0.35 rad in all, turn of the waist less 0.05 rad, and the height between bent and straight legs."""
     walking = standing()
     body, robot = walking.body, walking.controller.robot
-    joint, up = vertical_joint(robot, robot.torso_frame, robot.half_sitting)
-    assert abs(up) > 0.9
+    found = vertical_joint(robot, robot.torso_frame, robot.half_sitting)
+    assert found is not None and abs(found[1]) > 0.9
+    joint = found[0]
     most = min(-robot.position_lower[joint], robot.position_upper[joint]) - 0.05
     for sign in (1.0, -1.0):
         body.turn = sign * (most - 1e-4)

@@ -43,8 +43,6 @@ __all__ = [
     "Pendulum",
     "FootMotion",
     "SteppingSettings",
-    # Arms: hands that go to targets
-    "LoadSettings",
     # Planning: footsteps, and the phases in which they are taken
     "FootstepPlan",
     "Gait",
@@ -54,6 +52,7 @@ __all__ = [
     "walk_distance",
     "walk_path",
     "walk_velocity",
-    # Hands that press and grip
+    # Hands that press and grip, and loads that they hold
     "HandSettings",
+    "LoadSettings",
 ]

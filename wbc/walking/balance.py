@@ -77,16 +77,17 @@ class Balance:
         return None if output is None or not self._feedforward else self._feet.wrenches(output)
 
     def correct(self, state: State, last: Reference | None) -> State:
-        """Return the state with the DCM that references are to be compared with; the last ones have driven it."""
-        if self.load is not None and self.lean is not None:
-            self.lean.set_mass(self._robot.mass)
+        """Return the state with the DCM that references are to be compared with; the last ones have driven it.
+
+        While hands grip the state has none: what they hold pulls at the DCM and holds it as well, so that landings stay
+        as planned.
+        """
         robot, hands = state.robot, self.hands
         dcm = robot.com + robot.com_velocity / self._divisor
         if self.bias is not None:
             dcm[:2] -= self._estimate_bias(self.bias, robot, last)
         if hands is not None and hands.active:
             if hands.gripping:
-                # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
                 return state
             dcm[:2] -= hands.shift  # the plan is that without hands
         return state._replace(dcm=dcm)
@@ -120,6 +121,8 @@ class Balance:
         if outside is not None and hands is not None and not output.in_air:
             hands.help(output.feet.shortfall[3:5], output.zmp)
         if self.lean is not None:  # towards the moment that the feet cannot give
+            if self.load is not None:
+                self.lean.set_mass(self._robot.mass)
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)
         return output

@@ -61,6 +61,12 @@ NEAREST = 0.3
 ARRIVED = 1e-3
 """Distance from a set-point, m and rad, below which it counts as reached."""
 
+ENDED = (1e-7, 1e-6)
+"""Distance from all set-points, m and rad, and speed, below which the motion to them ends: less than is seen."""
+
+IN_VIEW, GAZING = 0.05, 0.2
+"""Angle between trunk and point, rad, and speed of its turn, rad/s, below which a trunk looks at the point."""
+
 
 class Twist(NamedTuple):
     """Turn of the trunk against the heading."""
@@ -221,7 +227,7 @@ class Body:
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
         if self._point is not None:
-            return self._off < 0.05 and abs(float(self._rate[3])) < 0.2
+            return self._off < IN_VIEW and abs(float(self._rate[3])) < GAZING
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 
@@ -250,7 +256,7 @@ class Body:
         self._rate = rate = np.concatenate((height, trunk))
         self._acceleration = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
-        if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
+        if np.abs(displacement).max() < ENDED[0] and np.abs(rate).max() < ENDED[1]:
             self._now, self._rate = self._goal.copy(), np.zeros(4)
 
     def _turn_to(self, point: Array, heading: float) -> None:
@@ -311,10 +317,11 @@ def lowest_com(robot: Robot) -> float:
 
 def _waist_turn(robot: Robot) -> float | None:
     """Return how far the waist turns the torso either way about the vertical, rad; None if no joint of it does."""
-    joint, up = vertical_joint(robot, robot.torso_frame, robot.half_sitting)
-    if up == 0.0:
+    found = vertical_joint(robot, robot.torso_frame, robot.half_sitting)
+    if found is None:
         return None
-    return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
+    either_way = min(-float(robot.position_lower[found[0]]), float(robot.position_upper[found[0]]))
+    return max(0.0, either_way - MARGIN)
 
 
 def _neck_joints(robot: Robot) -> list[str]:

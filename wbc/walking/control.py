@@ -55,7 +55,10 @@ from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.steps import com_height, drive_of, source_of, tasks_of
+from wbc.walking.steps import com_height, drive_of, source_of, tasks_of, tune
+
+LONG_AGO = 9.0
+"""Time since a landing that no step counts any more, s."""
 
 
 class WalkingControl(SteeredControl):
@@ -131,7 +134,8 @@ class WalkingControl(SteeredControl):
         for limit in limits:
             controller.add(limit)
         self.source = walk = source_of(robot, source, dt, s, extent)
-        self.tasks = tasks_of(self.drives, walk, s)
+        tune(self.drives, walk)
+        self.tasks = tasks_of(controller, walk, s)
         self.arms = Arms(controller, dt, s.arms, self.tasks)
         height, (left, _), estimate = com_height(robot, walk), robot.soles, observer.robot
         self._hands: Hands | None = None
@@ -187,7 +191,7 @@ class WalkingControl(SteeredControl):
         return source, drives
 
     def begin(
-        self, state: State, air: Sequence[float] = (0.0, 0.0), landed: Sequence[float] = (9.0, 9.0)
+        self, state: State, air: Sequence[float] = (0.0, 0.0), landed: Sequence[float] = (LONG_AGO, LONG_AGO)
     ) -> None:
         """Begin anew from the state of the robot, on its way: to take over from a control on the same observer.
 

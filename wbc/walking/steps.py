@@ -105,15 +105,19 @@ def planned_walk(
     return LipmWalk(robot, plan, height, dt, s.walk, drive=s.drive, reach=reach, extent=extent, com=com)
 
 
-def tasks_of(control: DriveControl, source: ReferenceSource, settings: WalkingControlSettings) -> WalkTasks:
-    """Return the tasks for a source, in the controller; estimate and detector of falls are tuned to its steps."""
-    s, controller, observer = settings, control.controller, control.observer
-    robot = controller.robot
-    if isinstance(source, SteppingWalk):
-        control.dcm_limit = FREE
+def tune(control: DriveControl, source: ReferenceSource) -> None:
+    """Tune the estimate and the detector of falls to the steps of a source."""
+    free, observer = isinstance(source, SteppingWalk), control.observer
+    control.dcm_limit = FREE if free else PLANNED
+    if free:
         observer.retune(_tuned(ON_POINTS, observer.inertial.settings))
+
+
+def tasks_of(controller: Controller, source: ReferenceSource, settings: WalkingControlSettings) -> WalkTasks:
+    """Return the tasks for a source, in the controller."""
+    s, robot = settings, controller.robot
+    if isinstance(source, SteppingWalk):
         return WalkTasks(controller, free_table(robot, source))
-    control.dcm_limit = PLANNED
     return WalkTasks(controller, planned_table(robot, s.tasks, s.distribution, torque=s.mode != "position"))
 
 

@@ -32,6 +32,9 @@ HEEL_TIME = 0.35
 RISE = 10.0 / math.sqrt(3.0)
 """Greatest acceleration of a quintic from rest to rest, over the way and the inverse square of its time."""
 
+LEAST_RISE = 1.02
+"""Least time to the apex, over that of a piece: a change at lift-off leaves the rise a piece of its own."""
+
 CLEAR = 0.3
 """Least height of a short swing, of that of a long one."""
 
@@ -67,7 +70,7 @@ class SwingFoot:
         duration: Planned time of touch-down from lift-off, s.
         landing: Planned landing.
         over: Height of the highest ground known on the way, m; −∞ where none is.
-        shape: Shape of the swing, from the next change of the landing on.
+        shape: Shape of the swing.
         lifted: Height from which the foot was lifted, m.
     """
 
@@ -101,17 +104,25 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """Time of the highest point from lift-off, s."""
-        return max(self.shape.apex * self.duration, 1.02 * self.shape.piece)
+        return max(self.shape.apex * self.duration, LEAST_RISE * self.shape.piece)
 
-    def retarget(self, time: float, landing: Footstep, duration: float) -> None:
-        """Change landing and time of touch-down; the motion goes on without a jump.
+    def retarget(
+        self,
+        time: float,
+        landing: Footstep,
+        duration: float,
+        shape: SwingShape | None = None,
+        over: float = -math.inf,
+    ) -> None:
+        """Change landing, time of touch-down and shape; the motion goes on without a jump.
 
-        A touch-down comes no sooner than after the least duration of a piece. In the last half of that before it, and
+        The shape stays where none is given; the ground on what is left of the way may be known to be higher, m. A
+        touch-down comes no sooner than after the least duration of a piece. In the last half of that before it, and
         after it, the foot sinks as planned, unless it is put off, and only its place follows.
         """
         if landing.side != self.landing.side:
             raise InputError(f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot")
-        self.landing = landing
+        self.landing, self.shape, self.over = landing, shape or self.shape, max(self.over, over)
         piece = self.shape.piece
         if time > self.duration - 0.5 * piece + ROUNDING and duration < time + piece:
             self._plan_place(time, max(duration, self.duration))
@@ -119,10 +130,6 @@ class SwingFoot:
         self.duration = max(duration, min(time + piece, self.duration))
         self._plan_height(time)
         self._plan_place(time, self.duration)
-
-    def rise_over(self, height: float) -> None:
-        """Pass over ground of a height, m, from the next change of the landing on."""
-        self.over = max(self.over, height)
 
     def resume(self, time: float, place: pin.SE3) -> None:
         """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
@@ -192,6 +199,7 @@ class SwingFoot:
         level = arrive if shape.level == 1.0 else min(arrive, max(shape.level * end, start + shape.piece))
         self._c["roll"].follow(start, (level, (landing.roll, 0.0, 0.0)))
         down, heel = (level, (landing.pitch, 0.0, 0.0)), HEEL_TIME * end
+        # All of it where the stair is half a swing higher than where it begins.
         up = shape.heel * min(2.0 * (step / shape.swing_height - shape.stair), 1.0)
         if up > 0.0 and now < heel - shape.piece:
             self._c["pitch"].follow(now, (heel, (up, 0.0, 0.0)), down)

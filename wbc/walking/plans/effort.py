@@ -69,10 +69,8 @@ def swing_effort(leg: SwingLeg, gait: StepGait, begin: float, end: float, aside:
     push = RISE * max(math.hypot(end - begin, aside) / travel**2, gait.swing_height / lift**2)
     start = pin.SE3(np.eye(3), np.array((begin, 0.0, 0.0)))
     swing, span = SwingFoot(start, Footstep("left", end, 0.0), time, gait.swing), time / SAMPLES
-    joints, moves = (
-        [],
-        0.5 * time / gait.cycle,
-    )  # of the hip, half way between the feet in the middle of supports
+    # The hip is half way between the feet in the middle of supports.
+    joints, moves = [], 0.5 * time / gait.cycle
     for k in range(SAMPLES + 1):
         (x, _, z), _ = swing.motion(k * span)
         hip = moves * (begin + (end - begin) * k / SAMPLES)

@@ -69,22 +69,22 @@ SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
 """A length or a time of a gait that may be zero, m or s."""
 
 
-BY_SPEED = (
-    *("single_support", "double_support", "initial_double_support", "takeoff_time", "landing_time"),
-    *("swing_height", "landing_height", "landing_speed", "apex"),
-)
-"""Values of a gait in the order of `SPEEDS`."""
+SPEEDS = (0.15, 0.3, 0.4, 0.5, 0.6)
+"""Speeds of `BY_SPEED`, m/s: the greatest of forward speed, twice the sideways speed and 0.6 m of the turning one."""
 
-SPEEDS = {
-    0.15: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
-    0.3: (0.57, 0.15, 0.6, 0.03, 0.08, 0.05, 0.01, 0.12, 0.42),
-    0.4: (0.47, 0.1, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
-    0.5: (0.42, 0.08, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
-    0.6: (0.36, 0.06, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
+BY_SPEED = {
+    "single_support": (0.8, 0.57, 0.47, 0.42, 0.36),
+    "double_support": (0.3, 0.15, 0.1, 0.08, 0.06),
+    "initial_double_support": (0.8, 0.6, 0.6, 0.6, 0.6),
+    "takeoff_time": (0.05, 0.03, 0.02, 0.02, 0.02),
+    "landing_time": (0.1, 0.08, 0.05, 0.05, 0.05),
+    "swing_height": (0.06, 0.05, 0.04, 0.04, 0.04),
+    "landing_height": (0.02, 0.01, 0.005, 0.005, 0.005),
+    "landing_speed": (0.1, 0.12, 0.15, 0.15, 0.15),
+    "apex": (0.4, 0.42, 0.45, 0.45, 0.45),
 }
-"""Timings (s), heights (m) and shape of the swing by speed (m/s), below the first as there: the greatest of forward
-speed, twice the sideways speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first:
-a knee's greatest speed is needed to lift the foot."""
+"""Timings (s), heights (m) and shape of the swing at `SPEEDS`; below the first as there, which is `StepGait`. Quick
+swings are low and land without slowing down first: a knee's greatest speed is needed to lift the foot."""
 
 GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 """Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
@@ -188,7 +188,7 @@ class Gait:
     def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:
         """Return the gait for a velocity; steps take less time at a higher velocity.
 
-        Values between the rows of `SPEEDS` are interpolated; the timings are multiples of 10 ms.
+        Values between the columns of `BY_SPEED` are interpolated; the timings are multiples of 10 ms.
 
         Args:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
@@ -252,7 +252,7 @@ def pace(velocity: Sequence[float]) -> float:
 def _at_speed(speed: float, gait: Gait) -> StepGait:
     """Gait for a speed (m/s) with the given values of another one."""
     values = dict[str, Any]()
-    for name, column in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
+    for name, at_speeds in BY_SPEED.items():
         grid = GRID.get(name, 0.001)
-        values[name] = round(float(np.interp(speed, list(SPEEDS), column)) / grid) * grid
+        values[name] = round(float(np.interp(speed, SPEEDS, at_speeds)) / grid) * grid
     return StepGait(**{**values, **gait.given})

@@ -284,14 +284,17 @@ def _hip_yaw_range(robot: Robot) -> float:
     """Return the smaller of the outward ranges of the hips' yaw, rad; 0 if no leg joint turns about the vertical."""
     ranges = []
     for sole, outward in zip(robot.soles[:2], (1.0, -1.0), strict=True):
-        joint, up = vertical_joint(robot, sole.frame, pin.neutral(robot.model))
-        outer = robot.position_upper[joint] if up * outward > 0.0 else -robot.position_lower[joint]
-        ranges.append(0.0 if up == 0.0 else float(outer))
+        found = vertical_joint(robot, sole.frame, pin.neutral(robot.model))
+        if found is None:
+            return 0.0
+        joint, up = found
+        ends = robot.position_upper if up * outward > 0.0 else -robot.position_lower
+        ranges.append(float(ends[joint]))
     return min(ranges)
 
 
-def vertical_joint(robot: Robot, frame: str, configuration: Array) -> tuple[int, float]:
-    """Return the first joint from the base to a frame that turns about the vertical, and its axis upwards; 0 if none.
+def vertical_joint(robot: Robot, frame: str, configuration: Array) -> tuple[int, float] | None:
+    """Return the first joint from the base to a frame that turns about the vertical, and its axis upwards, if any.
 
     The joint is an index in arrays of shape (na,), the axis is between −1 and 1.
     """
@@ -301,7 +304,7 @@ def vertical_joint(robot: Robot, frame: str, configuration: Array) -> tuple[int,
         up = float(data.J[5, BASE_DOF + joint])
         if abs(up) > 0.9:
             return joint, up
-    return 0, 0.0
+    return None
 
 
 def sized(gait: Gait, robot: Robot) -> Gait:
@@ -402,12 +405,10 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, reach: Reach) -> None:
 
 
 def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent) -> None:
-    low_x, high_x, low_y, high_y = extent
+    low, high = np.subtract(extent[::2], ROUNDING), np.add(extent[1::2], ROUNDING)
     for i, step in enumerate((plan.left, plan.right, *plan.steps)):
         corners = reach.corners(step)
-        if (corners < (low_x - ROUNDING, low_y - ROUNDING)).any() or (
-            corners > (high_x + ROUNDING, high_y + ROUNDING)
-        ).any():
+        if ((corners < low) | (corners > high)).any():
             which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
             raise InputError(
                 f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it {over(extent)}"

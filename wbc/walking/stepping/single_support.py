@@ -229,16 +229,16 @@ class SingleSupport:
         if not decides and thrown is None:
             return
         landing, touch = self._landing(asked), self._touch_time(asked)
+        shape, over = swing.shape, -math.inf
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - felt.elapsed > LAST_LOOK:
             landing = self._look(landing, swing.lifted)
-            swing.shape = self._swing_shape()
-            swing.rise_over(self._ground.way(frames[felt.swing], landing))  # of what is left
+            shape, over = self._swing_shape(), self._ground.way(frames[felt.swing], landing)
         if thrown is not None:
             swing.restart(felt.elapsed, frames[felt.swing], thrown, self._c.swing_push)
         if decision.closes:
-            swing.shape = swing.shape._replace(landing_speed=self._c.hardest)
-        swing.retarget(felt.elapsed, landing, touch)
+            shape = shape._replace(landing_speed=self._c.hardest)
+        swing.retarget(felt.elapsed, landing, touch, shape, over)
 
     def _solve(self, asked: Asked) -> None:
         """Decide the step by what stands now."""
