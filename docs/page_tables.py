@@ -182,7 +182,7 @@ def gait_rows() -> Iterator[str]:
     """Values of the gait of planned steps by speed."""
     yield f"| Setting | {' | '.join(f'{speed:g} m/s' for speed in SPEEDS)} |"
     yield "|---|" + "---:|" * len(SPEEDS)
-    for name, values in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
+    for name, values in BY_SPEED.items():
         yield f"| `gait.{name}` | {' | '.join(f'{value:g}' for value in values)} |"
 
 

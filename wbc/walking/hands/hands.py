@@ -111,10 +111,7 @@ class Hands:
 
     @property
     def slip(self) -> float:
-        """Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad.
-
-        It is the turn by the gyroscope minus that of the estimate, which takes the feet as fixed.
-        """
+        """Angle by which feet have slipped in walks with hands at work, by gyroscope less estimate, rad."""
         return self._slip.angle
 
     @property
