@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.sim.simulation.simulation import GroundTruth
+from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.sim.trial.trial import AnyTrial, Trial, TrialHook
 from wbc.tasks.balance import BalanceGains, balance_controller
@@ -25,8 +26,9 @@ from wbc.walking.settings import WalkingControlSettings
 
 Feedback = Literal["open", "closed"]
 
-MODES: tuple[Mode, ...] = get_args(Mode)
-"""Control modes of the drives."""
+REST_SPEED = 0.1
+"""Horizontal speed of the centre of mass below which a robot is at rest, m/s: above the sway of a standing robot with
+noisy sensors, below the speed of a fall once it has begun."""
 
 LEAST_TICKS = 2
 """Shortest stand, control periods: the result is about its second half."""
@@ -176,6 +178,22 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     """
     result: StandResult = StandTrial(replace(spec or StandSpec(), **values), visuals=False).run()
     return result
+
+
+def recovers(
+    spec: StandSpec, push: WalkPush, *, hooks: Sequence[TrialHook] = (), visuals: bool = True
+) -> bool:
+    """Return True if a standing robot recovers from a push.
+
+    It has never fallen (`TrueFallDetector`) and its centre of mass is at rest in the end, its horizontal speed
+    below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile. `hooks` look on;
+    `visuals` are those of a `wbc.Plant`.
+    """
+    trial = StandTrial(spec, [PushSchedule([push])], visuals=visuals)
+    with trial.running(hooks):
+        trial.advance(spec.seconds)
+    speed = float(np.linalg.norm(trial.plant.truth().com_velocity[:2]))
+    return not trial.fallen and speed < REST_SPEED
 
 
 def centre_of_pressure(truth: GroundTruth) -> Array:

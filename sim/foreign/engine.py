@@ -158,7 +158,7 @@ class EngineLoop(Simulation):
 
     @property
     def command(self) -> Command:
-        """Present command."""
+        """Command that the drives follow now: the last one, less the delay of the machine."""
         return self._command
 
     def _true_state(self) -> GroundTruth:
@@ -296,9 +296,7 @@ class EngineLoop(Simulation):
             mine = sole == i
             if mine.any():
                 place = self._data.oMf[frame]
-                there, pull = (
-                    (position[mine] - place.translation) @ place.rotation,
-                    force[mine] @ place.rotation,
-                )
+                there = (position[mine] - place.translation) @ place.rotation
+                pull = force[mine] @ place.rotation
                 wrenches[i, :3], wrenches[i, 3:] = pull.sum(axis=0), np.cross(there, pull).sum(axis=0)
         return wrenches

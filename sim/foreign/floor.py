@@ -31,12 +31,13 @@ MOST_SURFACES = 64
 
 def floor_of(places: RobotPlaces, robot: Robot) -> tuple[float, list[str]]:
     """Return the height of the floor on which half-sitting stands, m, and notes on what is odd about it."""
-    heights = floor_under(places, robot, mujoco.MjData(places.model))
+    data = mujoco.MjData(places.model)
+    heights = floor_under(places, robot, data)
     if heights is None:
         return 0.0, ["no ground under the soles at half-sitting: put there, the robot falls"]
     ground = float(heights.max())
     ground = ground if abs(ground) > ROUNDING else 0.0
-    friction = friction_under(places, robot, mujoco.MjData(places.model), ground)
+    friction = friction_under(places, robot, data, ground)
     if friction is None or friction >= USUAL_FRICTION:
         return ground, []
     return ground, [

@@ -24,7 +24,7 @@ from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.foreign.floor import floor_of
-from wbc.sim.foreign.notes import LIMP, drive_notes, model_notes, sensor_notes
+from wbc.sim.foreign.notes import drive_notes, model_notes, sensor_notes
 from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.mujoco_robot import BAD_STATE, MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
@@ -89,6 +89,12 @@ class MujocoLoop(MujocoRobot):
         """
         machine = machine or Machine(torque_sensors=True)
         machine.check_loop("a MujocoLoop")
+        sizes = model.nq, model.nv, model.nu
+        if data is not None and (data.qpos.size, data.qvel.size, data.ctrl.size) != sizes:
+            raise InputError(
+                f"data must be of the model (nq {model.nq}, nv {model.nv}, nu {model.nu}), got one of nq "
+                f"{data.qpos.size}, nv {data.qvel.size}, nu {data.ctrl.size}"
+            )
         description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")
         robot = description.robot()
@@ -113,18 +119,10 @@ class MujocoLoop(MujocoRobot):
             *sensor_notes(places.model, imu),
             *floor_notes,
         )
-        for note in self.notes:
-            if LIMP in note:
-                logger.warning("%s", note)
         if data is None:
             self.reset()
             self._note_contacts("half-sitting begins so")
             return
-        if (data.qpos.size, data.qvel.size, data.ctrl.size) != (model.nq, model.nv, model.nu):
-            raise InputError(
-                f"data must be of the model (nq {model.nq}, nv {model.nv}, nu {model.nu}), got one of nq "
-                f"{data.qpos.size}, nv {data.qvel.size}, nu {data.ctrl.size}"
-            )
         self.data = data
         self._posture = self.joint_position
         self._begin()

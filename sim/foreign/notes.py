@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
 
@@ -17,6 +18,8 @@ from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
 
+logger = logging.getLogger(__name__)
+
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
 
@@ -25,9 +28,6 @@ OTHER_COM = 1e-3
 
 REACHED = 0.99
 """Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
-
-LIMP = "joints of the robot are not in the description, and nothing holds them"
-"""Part of the note on joints that fall."""
 
 ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 """Transmissions of actuators that act on a joint."""
@@ -68,9 +68,12 @@ def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces
     if len(ties) < len(robot.couplings) + len(robot.closures):
         yield f"{UNMODELLED}joints or chains that the description couples or closes and the model not"
     if limp := _limp_joints(places):
-        yield (
-            f"{len(limp)} {LIMP}: {listed(limp)}; give them a servo in the model, or their controls in data.ctrl"
+        note = (
+            f"{len(limp)} joints of the robot are not in the description, and nothing holds them: {listed(limp)}; "
+            "give them a servo in the model, or their controls in data.ctrl"
         )
+        logger.warning("%s", note)  # the robot falls
+        yield note
     springs = {name: spring for name, (spring, _) in description.springs.items()}
     stiff = np.zeros(model.nv)
     stiff[model.jnt_dofadr] = stiffness(model)

@@ -15,6 +15,7 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import Seed
 from wbc.core.frames import yaw_rotation
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name
@@ -25,10 +26,11 @@ from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.link_geoms import SHAPE_GROUP, add_stage, add_visuals
 from wbc.sim.plant.model import bare_spec, equip, finished, furniture, surround
 from wbc.sim.plant.physics import PhysicsSettings
+from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.scenes.base import Scene
 from wbc.sim.simulation.machine import Machine, Step
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
-from wbc.sim.simulation.simulation import ANOTHER, step_together
+from wbc.sim.simulation.simulation import ANOTHER, reset_together, step_together
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 
@@ -66,13 +68,6 @@ def _seed_of(seed: int, index: int) -> int:
     """Return the seed of one of several robots: that of the plant for the first, drawn from it for the others."""
     drawn = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
     return seed if index == 0 else int(drawn[0])
-
-
-class _RobotAmongOthers(MujocoLoop):
-    """One of several robots: while it is made the others are not at their places, which the plant looks at itself."""
-
-    def _note_contacts(self, when: str) -> None:
-        del when
 
 
 class SharedPlant:
@@ -144,11 +139,17 @@ class SharedPlant:
         things = None if scene is None else furniture(scene)
         self.model = _shared_model(descriptions, foot, ground, things, timestep)
         self.data = mujoco.MjData(self.model)
+        for name, description in descriptions.items():
+            robot, locked = description.robot(), description.locked
+            places_in_model = RobotPlaces(self.model, robot, None, f"{name}/", locked=locked)
+            places_in_model.set_configuration(self._start(name, robot), self.data.qpos)
+        mujoco.mj_forward(self.model, self.data)
         self.control_period = float(control_period)
         self.loops = {
-            name: _RobotAmongOthers(
+            name: MujocoLoop(
                 description,
                 self.model,
+                self.data,
                 control_period=control_period,
                 prefix=f"{name}/",
                 noise=noise,
@@ -156,8 +157,6 @@ class SharedPlant:
             )
             for i, (name, description) in enumerate(descriptions.items())
         }
-        for loop in self.loops.values():
-            loop.data = self.data
         self.reset()
 
     @property
@@ -170,16 +169,18 @@ class SharedPlant:
         for loop in self.loops.values():
             loop._release_pushes()
         mujoco.mj_resetData(self.model, self.data)
-        for _ in range(2):  # a loop begins with all robots in place only once the last one has been reset
-            for name, loop in self.loops.items():
-                q = loop.robot.half_sitting.copy()
-                place = self._places[name] * pin.XYZQUATToSE3(q[:7])
-                q[:7] = pin.SE3ToXYZQUAT(place)
-                loop.reset(q)
+        starts = [self._start(name, loop.robot) for name, loop in self.loops.items()]
+        reset_together(tuple(self.loops.values()), starts)
         for loop in self.loops.values():
             check_clear(
                 self.model, self.data, self.model.body_rootid[self.model.geom_bodyid] == loop.places.root
             )
+
+    def _start(self, name: str, robot: Robot) -> Array:
+        """Return half-sitting at the place of a robot, shape (nq,)."""
+        q = robot.half_sitting.copy()
+        q[:7] = pin.SE3ToXYZQUAT(self._places[name] * pin.XYZQUATToSE3(q[:7]))
+        return q
 
     def measure(self) -> dict[str, Measurement]:
         """Return name → present readings of the sensors; raise a `MeasurementError` if the simulation has diverged."""

@@ -190,9 +190,10 @@ class Rig:
         return max(1, round(duration / self.test.physics.timestep))
 
     def fork(self) -> Rig:
-        """Return an independent rig in the same state."""
+        """Return an independent rig in the same state; its floor, too, gives and slides on its own."""
         twin = copy.copy(self)
-        twin.data = copy.copy(self.data)
+        twin.model, twin.data = copy.copy(self.model), copy.copy(self.data)
+        twin._surfaces = [copy.copy(surface) for surface in self._surfaces]
         return twin
 
     @property

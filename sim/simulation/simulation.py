@@ -266,16 +266,20 @@ class Simulation(ABC):
             InputError: A configuration or velocity has a wrong shape, is not finite or has no unit quaternion, or the
                 robot cannot be there. The simulation stays as it is.
         """
+        self._put(configuration, velocity)
+        if seed is not None:
+            self._seed = seed
+        self._begin()
+
+    def _put(self, configuration: ArrayLike | None, velocity: ArrayLike | None = None) -> None:
+        """Check configuration and velocity of `reset`, and place the robot there."""
         v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
         given = self._usual_start() if configuration is None else configuration
         q = self.robot.check_configuration("configuration", given)
         self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
         q[3:7] /= np.linalg.norm(q[3:7])
         self._place(q, v)
-        if seed is not None:
-            self._seed = seed
         self._posture = q[7:].copy()
-        self._begin()
 
     def _usual_start(self) -> Array:
         """Return the configuration of a reset that is given none, shape (nq,)."""
@@ -378,6 +382,14 @@ class Simulation(ABC):
 
     def _end_period(self) -> None:  # noqa: B027 - of engines whose warnings are looked at once
         """Keep what is read once a control period, and find out whether the simulation has diverged."""
+
+
+def reset_together(robots: Sequence[Simulation], configurations: Sequence[ArrayLike]) -> None:
+    """Restart robots in one simulation, each in its configuration: they begin once all of them are in place."""
+    for robot, configuration in zip(robots, configurations, strict=True):
+        robot._put(configuration)
+    for robot in robots:
+        robot._begin()
 
 
 def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> None:

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Self
 
 from wbc.base.errors import InputError, shown
 from wbc.base.settings import Positive, from_json, json_object, settings, to_json, units
-from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import StandSpec
+from wbc.sim.balance.standing import StandSpec, recovers
 from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.push import WalkPush
@@ -31,7 +30,7 @@ UNITS = {"impulse": "Ns/kg", "seconds": "s"}
 class PushLimitSpec:
     """Search by bisection, which takes recovery to be monotonic: the result lies within `resolution` of a change.
 
-    A walk recovers if it does all its steps, wherever they end; a stand as `wbc.sim.balance.push_recovery.recovers`
+    A walk recovers if it does all its steps, wherever they end; a stand as `wbc.sim.balance.standing.recovers`
     says. Written are the fields of the trial, its push, and the two numbers of the search, side by side.
 
     Attributes:

@@ -120,9 +120,9 @@ class GivingFloor:
         touching = (rows >= 0) & (model.geom_solimp[geoms, 0] == IMPEDANCE)
         geoms, rows = geoms[touching], rows[touching]
         s, b = -model.geom_solref[geoms].T
-        self._inverse[geoms] = (
-            data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
-        )
+        found = data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
+        self._inverse = self._inverse.copy()  # a copy of the floor keeps its own
+        self._inverse[geoms] = found
         self._write(model, data.geom_xpos[self._own])
 
     def depth(self, model: mujoco.MjModel, data: mujoco.MjData, weight: float) -> float:

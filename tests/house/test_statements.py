@@ -20,8 +20,7 @@ from wbc.app import cli
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Numbers, Positive, Seed
-from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import StandSpec
+from wbc.sim.balance.standing import StandSpec, recovers
 from wbc.sim.trial.push import WalkPush
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.lipm.walk import LipmWalk

@@ -160,6 +160,34 @@ def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
     assert twin.data.time == pytest.approx(rig.data.time - rig.test.physics.timestep)
 
 
+def test_forks_on_a_floor_that_gives_and_moves_leave_each_other_and_their_origin_as_they_are() -> None:
+    """A fork that tilts changes contacts of its own floor alone, so that the forces of the next fork are the same."""
+    belt = (None, None, None, None, "speed", 0.05)
+    rig = Rig(FootTest(foot("flat"), terrain("flat", floor_stiffness=2e4, areas=belt)))
+    for _ in range(rig.steps(0.5)):
+        rig.step()
+
+    def parameters() -> np.ndarray:
+        model = rig.model
+        return np.column_stack([model.geom_solref, model.geom_solimp, model.geom_surfacevel])
+
+    def forces(tilt: float) -> list[float]:
+        twin = rig.fork()
+        twin.set_tilt(0.0, tilt)
+        found = []
+        for _ in range(40):
+            twin.step()
+            found.append(twin.vertical_force)
+        return found
+
+    before, level = parameters(), forces(0.0)
+    assert forces(0.1) != level
+    np.testing.assert_array_equal(parameters(), before)
+    assert forces(0.0) == level
+    rig.step()
+    assert (parameters() != before).any()
+
+
 @pytest.mark.parametrize("value", [np.nan, 1e12])
 def test_a_rig_that_diverges_says_so_whether_its_state_is_lost_or_mujoco_has_put_it_back(
     value: float,

@@ -27,8 +27,7 @@ from wbc import Plant, load_robot
 from wbc.core.signals import Command
 from wbc.motion import make_feasible
 from wbc.sim import FootTest, Machine, TrackSpec, WalkPush, press, stand, track_motion, walk
-from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import StandSpec
+from wbc.sim.balance.standing import StandSpec, recovers
 
 STONES = {"terrain": "stones", "amplitude": 0.02, "terrain_params": {"start": 0.1, "ramp": 0.0}}
 STAIRS = {

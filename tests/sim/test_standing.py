@@ -9,7 +9,7 @@ from array import array
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import mujoco
 import numpy as np
@@ -29,8 +29,14 @@ from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.motion import write_motion
 from wbc.robots import RobotDescription, load, names
-from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import MODES, StandResult, StandSpec, StandTrial, centre_of_pressure, stand
+from wbc.sim.balance.standing import (
+    StandResult,
+    StandSpec,
+    StandTrial,
+    centre_of_pressure,
+    recovers,
+    stand,
+)
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
@@ -59,7 +65,7 @@ FOOTPRINT = BIPED.replace('<link name="trunk">', ROOT, 1)
 
 @pytest.mark.parametrize(
     ("robot", "mode", "foot"),
-    [(robot, mode, "flat") for robot in names() for mode in MODES[: 3 if robot == "g1" else 1]]
+    [(robot, mode, "flat") for robot in names() for mode in get_args(Mode)[: 3 if robot == "g1" else 1]]
     + [("hrp4_class", "position", "soft")],
 )
 def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, foot: str) -> None:
