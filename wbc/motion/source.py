@@ -35,9 +35,9 @@ from wbc.core.drive.control import State
 from wbc.core.estimation.wrenches import TOUCH_DOWN
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.trajectories import minimum_jerk
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
-from wbc.motion.footsteps import smoothstep
 from wbc.motion.kinematics import (
     FORCE_SMOOTHING,
     BodyMotion,
@@ -132,7 +132,7 @@ class MotionSource(ReferenceSource):
         self.clip = placed(clip, motion.soles[0], (left, right))
         self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
         self.tick = 0
-        self._feet = [_Foot(sole, dt) for sole in soles]
+        self._feet = [TrackedFoot(sole, dt) for sole in soles]
         self._load, self._ahead = TOUCH_DOWN * robot.mass * GRAVITY, round(EARLY / dt)
 
     @property
@@ -171,7 +171,7 @@ class MotionSource(ReferenceSource):
         return given._replace(feet=(left, right), progress=now)
 
 
-class _Foot:
+class TrackedFoot:
     """One sole of a robot that tracks a clip: it stands at a place, or follows the clip from where it was lifted.
 
     Attributes:
@@ -212,9 +212,13 @@ class _Foot:
         x = (i - begin) * self._dt / FADE
         if x >= 1.0:
             return given
-        share, rate = 1.0 - smoothstep(x), -6.0 * x * (1.0 - x) / FADE
-        placement = moved(given.placement, share * offset)
-        return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
+        way, slope = minimum_jerk(x)
+        curvature = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+        return FootMotion(
+            moved(given.placement, (1.0 - way) * offset),
+            given.velocity - slope / FADE * offset,
+            given.acceleration - curvature / FADE**2 * offset,
+        )
 
 
 def clip_references(
