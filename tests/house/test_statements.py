@@ -83,7 +83,7 @@ def test_the_pattern_in_the_figure_is_that_of_a_walk(robot: str, inward: int) ->
     assert f"{inward} mm to the inner side" in text or f"{inward} mm on `{robot}`" in text
     model = wbc.load_robot(robot).robot()
     plan = walk_distance(FootstepPlan.standing(model), 0.58)
-    planner = LipmWalk(model, plan, float(model.com[2]), 0.005)._preview
+    planner = LipmWalk(model, plan, float(model.com[2]), 0.005).course.preview
     assert planner.settings.target.inward == pytest.approx(1e-3 * inward)
     words = {4: "Four", 5: "Five", 6: "Six"}
     assert robot != "hrp4_class" or f"*{words[len(plan)]} steps of `hrp4_class` as planned" in text

@@ -401,7 +401,7 @@ def test_a_step_is_adjusted_from_half_a_threshold_or_three_ticks_on(
 ) -> None:
     w = in_swing()
     before, last = w.phases.plan, w.phases.duration
-    w._adjust(np.zeros(3), Adjuster(shift, ticks), w.swing)  # type: ignore[arg-type]
+    w.feet.adjust(np.zeros(3), Adjuster(shift, ticks))  # type: ignore[arg-type]
     way = w.phases.plan.steps[0].position - before.steps[0].position
     np.testing.assert_allclose(way, np.array([0.6, 0.8, 0.0]) * shift * moves, atol=1e-12)
     assert w.phases.duration - last == pytest.approx(round(ticks) * DT * moves)
@@ -420,8 +420,7 @@ def test_a_landing_goes_to_the_height_that_is_seen_while_the_foot_can_follow(
     run(w, lambda w: (0.0, 1.0), 0.0 if moment == "early" else w.phases.remaining - 0.1)
     before, height = w.phases.plan.steps[0], w.ground.height
     w.ground.under = lambda landing: replace(landing, z=before.z + change)  # type: ignore[method-assign]
-    assert w.swing is not None
-    w._look(w.swing)
+    w.feet.look()
     follows = moment == "early" and abs(change) > 0.003
     assert w.phases.plan.steps[0].z - before.z == pytest.approx(change if follows else 0.0)
     assert w.ground.height - height == pytest.approx(change if follows else 0.0)
@@ -433,7 +432,7 @@ def test_a_landing_is_kept_as_it_was_found_and_the_ground_learns_from_it() -> No
     w = in_swing()
     planned = w.phases.plan.steps[0]
     here = Footstep("left", planned.x + 0.01, planned.y - 0.02, planned.z + 0.02, 0.1, 0.2, 0.3).placement
-    w._land([here, START.right.moved(pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.015]))).placement], 0.0)
+    w.feet.land([here, START.right.moved(pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.015]))).placement], 0.0)
     step = w.phases.plan.steps[0]
     assert (step.x - planned.x, step.y - planned.y, step.z - planned.z) == pytest.approx((0.01, -0.02, 0.02))
     assert (step.yaw, step.pitch, step.roll) == pytest.approx((0.1, 0.0, 0.0))
@@ -445,10 +444,10 @@ def test_all_but_the_last_two_free_steps_may_be_put_on_better_ground_within_reac
     w = walking(1.0)
     count = len(w.phases.plan)
     for w.phases.step, free in ((0, True), (count - 3, True), (count - 2, False), (count - 1, False)):
-        assert (w._near(w.phases.landing) is not None) == free
-        assert w._near(replace(w.phases.landing, place="fixed")) is None
+        assert (w.feet._near(w.phases.landing) is not None) == free
+        assert w.feet._near(replace(w.phases.landing, place="fixed")) is None
     w.phases.step = 0
-    near, step = w._near(w.phases.plan.steps[0]), w.phases.plan.steps[0]
+    near, step = w.feet._near(w.phases.plan.steps[0]), w.phases.plan.steps[0]
     assert near is not None
     assert near(step.x, step.y) and not near(w.reach.max_length + 0.01, step.y)
     assert not near(step.x, w.reach.max_spacing - 0.0875 + 0.01)

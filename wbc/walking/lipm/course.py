@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.trajectories import Follower
-from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.phases import PlanPhases
 from wbc.walking.lipm.preview import PreviewController
@@ -21,15 +21,14 @@ class PlannedCourse:
     """Planned motion of the pendulum of one walk.
 
     Attributes:
+        preview: Preview control, which plans the pattern.
         pattern: Pattern of the steps as they are.
         since: Time since it was planned, s.
     """
 
-    def __init__(
-        self, height: float, phases: PlanPhases, preview: PreviewController, start: Pendulum
-    ) -> None:
-        """Stand at rest, with a height of the CoM over the support, m."""
-        self._omega = natural_frequency(height)
+    def __init__(self, phases: PlanPhases, preview: PreviewController, start: Pendulum) -> None:
+        """Stand at rest."""
+        self._phases, self.preview, self._omega = phases, preview, preview.omega
         self._off = Follower(1.0 / self._omega, 0j)  # of the reference of the CoM from the pattern, m
         self.pattern: Pattern = preview.plan(phases.supports(), start)
         self.since = 0.0
@@ -39,11 +38,11 @@ class PlannedCourse:
         self.since += dt
         self._off.follow(-self._off.value, dt)
 
-    def plan(self, phases: PlanPhases, preview: PreviewController) -> None:
+    def plan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
-        steps = math.ceil(FELT / (self._omega * phases.gait.cycle))
+        steps = math.ceil(FELT / (self._omega * self._phases.gait.cycle))
         before = self.pattern.at(self.since)
-        self.pattern, self.since = preview.plan(phases.supports(steps), before), 0.0
+        self.pattern, self.since = self.preview.plan(self._phases.supports(steps), before), 0.0
         now = self.pattern.at(0.0)
         self._off.value += _plane(before.com - now.com)
         self._off.velocity += _plane(before.com_velocity - now.com_velocity)

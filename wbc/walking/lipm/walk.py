@@ -15,26 +15,23 @@ down, and the pendulum is held meanwhile).
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.drive.control import State
-from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
-from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
-from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.course import PlannedCourse
-from wbc.walking.lipm.drift import FeetDrift
+from wbc.walking.lipm.feet import PlannedFeet
 from wbc.walking.lipm.phases import HOLD, PlanPhases
 from wbc.walking.lipm.settings import WalkSettings, law_of
 from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
     AHEAD,
@@ -50,18 +47,12 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steering import Steering
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import SwingFoot
 
 logger = logging.getLogger(__name__)
 
 DEBOUNCE = 0.01
 """Time that the load of a touch-down must last, s."""
-
-SOFT = 0.5
-"""Speed at touch-down over that at the landing height, on level ground."""
-
-EVEN = (0.005, 0.02)
-"""Height between the feet in the last steps up to which the ground counts as level, and from which on as uneven, m."""
 
 
 class Planning:
@@ -77,26 +68,24 @@ class Planning:
         """Let the next tick be a time to plan, for another planner."""
         self._next, self._swung = 0.0, True
 
+    def keep(self, planner: FootstepSource) -> None:
+        """Keep planner and order as those of the last plan."""
+        self._asked = planner, planner.order
+
     def has_asked(self, planner: FootstepSource) -> bool:
         """Return True if the last plan is that of a planner by its present order."""
         return self._asked == (planner, planner.order)
 
-    def ask(self, planner: FootstepSource) -> None:
-        """Keep planner and order as those of the last plan."""
-        self._asked = planner, planner.order
-
-    def is_due(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
-        """Return True if it is time to plan, s; on both feet it is once a foot has swung."""
+    def begins(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
+        """Return True if it is time to plan, s, which then counts as done; on both feet it is once a foot has swung."""
         if phases.phase is not GaitPhase.SINGLE:
-            return self._swung or (time >= self._next and not isinstance(planner, PlanSource))
-        due = time >= self._next and not self.has_asked(planner) and not phases.comes_to_rest
-        self._swung |= not due
+            due = self._swung or (time >= self._next and not isinstance(planner, PlanSource))
+        else:
+            due = time >= self._next and not self.has_asked(planner) and not phases.comes_to_rest
+            self._swung |= not due
+        if due:
+            self._next, self._swung = time + REPLAN, False
         return due
-
-    def begin(self, planner: FootstepSource, time: float) -> None:
-        """Ask a planner at a time, s."""
-        self.ask(planner)
-        self._next, self._swung = time + REPLAN, False
 
 
 class LipmWalk(ReferenceSource):
@@ -108,11 +97,10 @@ class LipmWalk(ReferenceSource):
         time: Time since the walk began, s.
         phases: Plan as it is now, and the phase that it is in.
         course: Planned motion of the pendulum.
+        feet: Places of the feet, and the swing of the one in the air.
         steps_done: Steps that have ended with a foot on the ground.
-        swing: Swing of this step; None on both feet.
         ground: What is known of the ground.
         com_height: Height of the CoM over the support while walking, m.
-        drift: Drift of the feet on the ground, by which the remaining footsteps move.
     """
 
     com_height: float
@@ -146,32 +134,31 @@ class LipmWalk(ReferenceSource):
         self.lift_room = gait.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
-        self.steering = Steering(self._drive.limits, PLANNED_NEAR, extent)
+        self.steering = Steering(self._drive.limits, PLANNED_NEAR * robot.length_scale, extent)
         self.dt, self.ground = dt, GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._soles = [robot.placement(frame) for frame in self._frames]
         self._laws = [law_of(s, robot, com_height, self.reach, climbs=climbs) for climbs in (False, True)]
-        self._preview, self._adjuster = self._laws[False]
+        preview, self._adjuster = self._laws[False]
         self.time, self.steps_done = 0.0, 0
         self._pace = 0.0  # of the last plan, m/s
         self._planning = Planning()
         self._begun: tuple[Event, ...] = ()  # events before the next update
-        self.drift = FeetDrift()
-        self._measured: Sequence[pin.SE3] | None = None  # soles by the encoders in this tick
-        self.swing: SwingFoot | None = None
-        self._planned_swing: PlannedSwing | None = None
         self._loaded = 0.0  # time for which the swing foot has borne the load of a touch-down, s
         self.phases = PlanPhases(replace(plan, steps=(), gait=gait))
-        self._places = [plan.left.placement, plan.right.placement]
-        self._yaws = [heading(place.rotation) for place in self._places]
-        if com is None:
-            com = 0.5 * (plan.left.position + plan.right.position) + (0.0, 0.0, com_height)
-        rest = Pendulum.at_rest(com, float(0.5 * sum(place.translation[2] for place in self._places)))
-        self.course = PlannedCourse(com_height, self.phases, self._preview, rest)
+        middle = 0.5 * (plan.left.position + plan.right.position)
+        rest = Pendulum.at_rest(middle + (0.0, 0.0, com_height) if com is None else com, float(middle[2]))
+        self.course = PlannedCourse(self.phases, preview, rest)
+        self.feet = PlannedFeet(self.phases, self.course, self.ground, self.reach, robot.length_scale, dt)
         if plan.steps:
             self.take(PlanSource(plan))
             self.plan_steps()
         self.progress = self._record()
+
+    @property
+    def swing(self) -> SwingFoot | None:
+        """Swing of this step; None on both feet."""
+        return self.feet.swing
 
     # ---- what is asked for --------------------------------------------------------------------------------------
 
@@ -198,10 +185,10 @@ class LipmWalk(ReferenceSource):
         super().take(planner)
         if planner is not before:
             self._planning.hurry()
-            self.drift.begin()
+            self.feet.drift.begin()
         climbs = isinstance(planner, PlanSource) and planner.plan.climbs
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
-            self._preview, self._adjuster = self._laws[climbs]
+            self.course.preview, self._adjuster = self._laws[climbs]
 
     def _steered_steps(self) -> SteeredSteps:
         """Return a planner that is steered, and goes on from the velocity granted now; to stop on a plan, from rest."""
@@ -212,16 +199,15 @@ class LipmWalk(ReferenceSource):
 
     def plan_steps(self) -> None:
         """Plan the footsteps anew if it is time to."""
-        planner, phases = self.planner, self.phases
-        if planner is None or not self._planning.is_due(planner, phases, self.time):
+        planner, phases, drift = self.planner, self.phases, self.feet.drift
+        if planner is None or not self._planning.begins(planner, phases, self.time):
             return
-        self._planning.begin(planner, self.time)
         feet = phases.plan.feet(phases.step + (phases.swing is not None))
-        plan = self._ask(planner, self.drift.planner_feet(feet))
+        plan = self._ask(planner, drift.planner_feet(feet))
         if plan is not None:
-            self._steer(self.drift.present_plan(plan))
+            self._steer(drift.present_plan(plan))
             self._pace = planner.pace
-            self._planning.ask(planner)  # whose order may have ended with its answer
+            self._planning.keep(planner)  # whose order may have ended with its answer
             return
         self.steering.command(None)  # the robot comes to a stand
         self.planner = stand = self._steered_steps()
@@ -254,20 +240,21 @@ class LipmWalk(ReferenceSource):
         self.ground.expect_at(0.0)
         if phases.steer(tuple(steps), plan.gait.full):
             self._begun = (Event.STARTED,)
-        self._replan()
-        if self.swing is not None:
-            self._plan_swing()
+        self.course.plan()
+        self.feet.plan_swing()
 
     # ---- phases -------------------------------------------------------------------------------------------------
 
-    def _change_phase(self, loads: Sequence[float], places: Sequence[pin.SE3]) -> tuple[Event, ...]:
+    def _change_phase(
+        self, loads: Sequence[float], soles: Sequence[pin.SE3], measured: Sequence[pin.SE3] | None
+    ) -> tuple[Event, ...]:
         """Change the phase where contact, by the normal force on left and right foot, N, and time say so.
 
-        The feet are at their placements when they lift and when they land.
+        The feet are at the placements of the `soles` when they lift and when they land.
         """
         weight, phases = self._robot.mass * GRAVITY, self.phases
         if phases.phase is GaitPhase.SINGLE:
-            return self._touch_down(loads[1 - phases.stance] / weight, places)
+            return self._touch_down(loads[1 - phases.stance] / weight, soles)
         if phases.phase is GaitPhase.STANDING or phases.elapsed < phases.duration - ROUNDING:
             return ()
         if phases.ended:
@@ -277,10 +264,11 @@ class LipmWalk(ReferenceSource):
         free = loads[leaving] <= s.lift_off * weight and loads[1 - leaving] >= s.stance * weight
         if not free and phases.elapsed < phases.duration + s.max_wait - ROUNDING:
             return ()
-        self._lift(places)
+        self._loaded = 0.0
+        self.feet.lift(soles, measured)
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
 
-    def _touch_down(self, load: float, places: Sequence[pin.SE3]) -> tuple[Event, ...]:
+    def _touch_down(self, load: float, soles: Sequence[pin.SE3]) -> tuple[Event, ...]:
         """End the single support where the swing foot has met the ground, by its load over the weight, or must."""
         s, phases, credit = self.settings.phases, self.phases, 0.0
         loaded = load >= s.touch_down
@@ -297,7 +285,8 @@ class LipmWalk(ReferenceSource):
             event = Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN
         else:
             return ()
-        self._land(places, credit)
+        self.feet.land(soles, credit)
+        self.steps_done += 1
         return (event,)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
@@ -326,130 +315,38 @@ class LipmWalk(ReferenceSource):
             measured: Placements of the soles by the encoders; None for those of `soles`.
         """
         self.plan_steps()
-        phases, course, self._measured = self.phases, self.course, measured
+        phases, course, feet = self.phases, self.course, self.feet
         self.time += self.dt
         course.advance(self.dt)
         phases.advance(self.dt)
         if phases.phase is not GaitPhase.STANDING:
-            self.drift.turn(turned)
-        events = self._begun + self._change_phase(loads, self._places if soles is None else soles)
+            feet.drift.turn(turned)
+        events = self._begun + self._change_phase(loads, feet.places if soles is None else soles, measured)
         self._begun = ()
-        overdue, swing = phases.overdue, self.swing
-        if events or (overdue and course.since >= 0.5 * HOLD - ROUNDING):
+        if events or (phases.overdue and course.since >= 0.5 * HOLD - ROUNDING):
             if course.since > 0.0:  # a swing that begins has planned already
-                self._replan()
-        elif dcm is not None and self._adjuster and swing is not None and not overdue:
-            self._adjust(dcm, self._adjuster, swing)
-        if swing is not None:
-            if self.ground.news:
-                self._look(swing)
-            self._yaws[1 - phases.stance] = swing.heading(phases.elapsed)
-        feet = [FootMotion.at_rest(place) for place in self._places]
-        if swing is not None:
-            side = 1 - phases.stance
-            feet[side] = swing.at(phases.elapsed)
-            self._places[side] = feet[side].placement
+                course.plan()
+        elif dcm is not None and self._adjuster is not None:
+            feet.adjust(dcm, self._adjuster)
+        if self.ground.news:
+            feet.look()
+        motions = feet.motions()
         self.progress = self._record(events)
-        return Reference(course.pendulum(), (feet[0], feet[1]), self.progress)
+        return Reference(course.pendulum(), motions, self.progress)
 
     def _record(self, events: tuple[Event, ...] = ()) -> Progress:
         """Return the record of the step as it is now, with the events of a tick."""
-        now, swing, heading = self.phases, self.phases.swing, mean_heading(*self._yaws)
-        step = now.phase, now.stance, swing, (swing != 0, swing != 1), heading, self.steps_done, now.elapsed
-        return Progress(*step, now.duration, now.plan.steps[now.step :], now.gait.cycle, events)
-
-    def _replan(self) -> None:
-        """Plan the motion of the pendulum anew."""
-        self.course.plan(self.phases, self._preview)
-
-    # ---- the swing foot -----------------------------------------------------------------------------------------
-
-    def _lift(self, places: Sequence[pin.SE3]) -> None:
-        """Start a swing from the foot's placement."""
-        phases = self.phases
-        phases.lift()
-        self._loaded = 0.0
-        last, stance = self._planned_swing, phases.stance
-        landed = last is not None and last.landing.side == SIDES[stance]
-        move = self.drift.lift(stance, places, self._measured if landed else None)
-        if move is not None:
-            phases.set_landing(phases.landing.moved(move))
-        step, shape = phases.landing, phases.gait.swing
-        self.ground.lift(phases.stance, places[phases.stance])
-        landing = self.ground.expect(step, self._near(step))
-        phases.set_landing(landing, carry=False)
-        # Where what is seen is not there, the ground is where it was felt.
-        shape = shape._replace(
-            touch=1.0 - (1.0 - SOFT) * self.ground.level(*EVEN),
-            search_depth=shape.search_depth + self.ground.raised,
+        now, swing = self.phases, self.phases.swing
+        return Progress(
+            phase=now.phase,
+            stance=now.stance,
+            swing=swing,
+            contact=(swing != 0, swing != 1),
+            heading=self.feet.heading,
+            steps_done=self.steps_done,
+            elapsed=now.elapsed,
+            duration=now.duration,
+            upcoming=now.plan.steps[now.step :],
+            cycle=now.gait.cycle,
+            events=events,
         )
-        start = places[1 - phases.stance]
-        self.swing = SwingFoot(start, landing, phases.duration, shape, self.ground.way(start, landing))
-        self._replan()
-        self._plan_swing()
-
-    def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
-        """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
-        plan, index = self.phases.plan, self.phases.step
-        if step.place == "fixed" or index >= len(plan) - 2:
-            return None
-        stance, reach = plan.stance(index), self.reach
-        return lambda x, y: reach.allows(stance, replace(step, x=x, y=y))
-
-    def _look(self, swing: SwingFoot) -> None:
-        """Move the landing to the height that is seen under it, while the foot can follow."""
-        phases = self.phases
-        if phases.remaining < LAST_LOOK or phases.overdue:
-            return
-        now = phases.landing
-        seen = self.ground.under(now)
-        if abs(seen.z - now.z) < NOTICED:
-            return
-        self.ground.expect_at(self.ground.height + (seen.z - now.z))
-        phases.set_landing(seen, carry=False)
-        self._retarget(swing, seen, swing.duration)
-
-    def _land(self, places: Sequence[pin.SE3], credit: float) -> None:
-        """End a swing: the foot stands at its placement, and the plan goes on from there; see `PlanPhases.land`."""
-        phases = self.phases
-        planned, side = phases.landing, 1 - phases.stance
-        # A copy: the placement may be the model's own, which moves on with the foot.
-        self._places[side] = place = pin.SE3(places[side])
-        self._yaws[side] = heading(place.rotation)
-        landed = Footstep.of(planned.side, place)
-        self.ground.land(landed.z - planned.z, landed.z - float(places[1 - side].translation[2]))
-        phases.land(landed, credit)
-        self.swing = None
-        self.steps_done += 1
-
-    def _plan_swing(self) -> None:
-        """Keep the swing as it is planned now: adjustments are made against it."""
-        phases, plan = self.phases, self.phases.plan
-        landing, stance = plan.steps[phases.step], plan.stance(phases.step)
-        pattern, elapsed = self.course.pattern, phases.elapsed
-        self._planned_swing = PlannedSwing(
-            pattern, elapsed, landing, stance, phases.duration, phases.transfer
-        )
-
-    def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
-        """Catch the pendulum by landing and time."""
-        phases = self.phases
-        if phases.remaining <= FREEZE:
-            return
-        assert self._planned_swing is not None
-        threshold, elapsed = adjuster.settings.threshold, phases.elapsed
-        landing, time = adjuster.adjust(self._planned_swing, elapsed, complex(*dcm[:2].tolist()))
-        now = phases.landing
-        time = max(self.dt, round(time / self.dt) * self.dt)
-        moved = math.hypot(landing.x - now.x, landing.y - now.y)
-        if moved < 0.5 * threshold and abs(time - phases.remaining) < 2.5 * self.dt:
-            return
-        if self.ground.sight is not None:
-            landing = self.ground.under(replace(landing, z=now.z))
-        phases.set_landing(landing, left=time)
-        self._retarget(swing, landing, phases.duration)
-
-    def _retarget(self, swing: SwingFoot, landing: Footstep, duration: float) -> None:
-        """Send the swing foot to a landing of the plan that has changed, at a time from lift-off, s."""
-        swing.retarget(self.phases.elapsed, landing, duration)
-        self._replan()

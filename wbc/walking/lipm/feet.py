@@ -1,0 +1,164 @@
+"""Feet of planned steps: where they stand, and the swing of the one in the air, whose landing may move.
+
+    feet.lift(soles, measured)     at lift-off: the landing is put on the ground that is seen, against the drift of feet
+    feet.look()                    when more of the ground is seen
+    feet.adjust(dcm, adjuster)     in every tick: landing and time that catch the pendulum
+    feet.land(soles, credit)       at touch-down: the plan goes on from where the foot stands
+    motions = feet.motions()       in every tick
+
+Each of them changes the plan (`PlanPhases`), and with it the motion of the pendulum (`PlannedCourse`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pinocchio as pin
+
+from wbc.base.numbers import Array
+from wbc.core.frames import heading
+from wbc.core.robot import SIDES
+from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
+from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
+from wbc.walking.lipm.course import PlannedCourse
+from wbc.walking.lipm.drift import FeetDrift
+from wbc.walking.lipm.phases import PlanPhases
+from wbc.walking.plans.footsteps import Footstep, mean_heading
+from wbc.walking.plans.reach import Reach
+from wbc.walking.swing import FootMotion, SwingFoot
+
+SOFT = 0.5
+"""Speed at touch-down over that at the landing height, on level ground."""
+
+EVEN = (0.005, 0.02)
+"""Height between the feet in the last steps up to which the ground counts as level, and from which on as uneven, m; a
+small robot has its share of both."""
+
+
+class PlannedFeet:
+    """Feet of one walk.
+
+    Attributes:
+        places: Placements of the left and the right sole as planned.
+        swing: Swing of this step; None on both feet.
+        drift: Drift of the feet on the ground, by which the remaining footsteps move.
+    """
+
+    def __init__(
+        self,
+        phases: PlanPhases,
+        course: PlannedCourse,
+        ground: GroundEstimate,
+        reach: Reach,
+        scale: float,
+        dt: float,
+    ) -> None:
+        """Stand on the feet of a plan, with the length scale of the robot and the control period, s."""
+        self._phases, self._course, self._ground, self._reach, self._dt = phases, course, ground, reach, dt
+        self._even = EVEN[0] * scale, EVEN[1] * scale
+        self.places = [foot.placement for foot in phases.plan.feet(0)]
+        self._yaws = [heading(place.rotation) for place in self.places]
+        self.swing: SwingFoot | None = None
+        self.drift = FeetDrift()
+        self._planned: PlannedSwing | None = None  # this swing, or the last one
+
+    @property
+    def heading(self) -> float:
+        """Heading half way between those of the feet, rad."""
+        return mean_heading(*self._yaws)
+
+    def motions(self) -> tuple[FootMotion, FootMotion]:
+        """Move the foot in the air on; return the motions of the left and the right sole."""
+        motions = [FootMotion.at_rest(place) for place in self.places]
+        if self.swing is not None:
+            side, elapsed = 1 - self._phases.stance, self._phases.elapsed
+            self._yaws[side], motions[side] = self.swing.heading(elapsed), self.swing.at(elapsed)
+            self.places[side] = motions[side].placement
+        return motions[0], motions[1]
+
+    def lift(self, soles: Sequence[pin.SE3], measured: Sequence[pin.SE3] | None) -> None:
+        """Start a swing from the placements of the soles, as they are and as `measured` by the encoders if they are."""
+        phases, ground, last = self._phases, self._ground, self._planned
+        phases.lift()
+        stance = phases.stance
+        landed = last is not None and last.landing.side == SIDES[stance]
+        move = self.drift.lift(stance, soles, measured if landed else None)
+        if move is not None:
+            phases.set_landing(phases.landing.moved(move))
+        step, shape = phases.landing, phases.gait.swing
+        ground.lift(stance, soles[stance])
+        landing = ground.expect(step, self._near(step))
+        phases.set_landing(landing, carry=False)
+        # Where what is seen is not there, the ground is where it was felt.
+        shape = shape._replace(
+            touch=1.0 - (1.0 - SOFT) * ground.level(*self._even),
+            search_depth=shape.search_depth + ground.raised,
+        )
+        start = soles[1 - stance]
+        self.swing = SwingFoot(start, landing, phases.duration, shape, ground.way(start, landing))
+        self._course.plan()
+        self.plan_swing()
+
+    def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
+        """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
+        plan, index = self._phases.plan, self._phases.step
+        if step.place == "fixed" or index >= len(plan) - 2:
+            return None
+        stance, reach = plan.stance(index), self._reach
+        return lambda x, y: reach.allows(stance, replace(step, x=x, y=y))
+
+    def plan_swing(self) -> None:
+        """Keep the swing, if a foot swings, as it is planned now: adjustments are made against it."""
+        phases, plan = self._phases, self._phases.plan
+        if self.swing is not None:
+            landing, stance = phases.landing, plan.stance(phases.step)
+            pattern, begin = self._course.pattern, phases.elapsed
+            self._planned = PlannedSwing(pattern, begin, landing, stance, phases.duration, phases.transfer)
+
+    def look(self) -> None:
+        """Move the landing to the height that is seen under it, while the foot can follow."""
+        phases, ground, swing = self._phases, self._ground, self.swing
+        if swing is None or phases.remaining < LAST_LOOK or phases.overdue:
+            return
+        now = phases.landing
+        seen = ground.under(now)
+        if abs(seen.z - now.z) < NOTICED:
+            return
+        ground.expect_at(ground.height + (seen.z - now.z))
+        phases.set_landing(seen, carry=False)
+        self._retarget(swing, seen, swing.duration)
+
+    def adjust(self, dcm: Array, adjuster: StepAdjuster) -> None:
+        """Catch the pendulum, whose DCM is measured, m, by landing and time."""
+        phases, swing, planned = self._phases, self.swing, self._planned
+        if swing is None or planned is None or phases.overdue or phases.remaining <= FREEZE:
+            return
+        landing, time = adjuster.adjust(planned, phases.elapsed, complex(*dcm[:2].tolist()))
+        now, threshold = phases.landing, adjuster.settings.threshold
+        time = max(self._dt, round(time / self._dt) * self._dt)
+        moved = math.hypot(landing.x - now.x, landing.y - now.y)
+        if moved < 0.5 * threshold and abs(time - phases.remaining) < 2.5 * self._dt:
+            return
+        if self._ground.sight is not None:
+            landing = self._ground.under(replace(landing, z=now.z))
+        phases.set_landing(landing, left=time)
+        self._retarget(swing, landing, phases.duration)
+
+    def _retarget(self, swing: SwingFoot, landing: Footstep, duration: float) -> None:
+        """Send the swing foot to a landing of the plan that has changed, at a time from lift-off, s."""
+        swing.retarget(self._phases.elapsed, landing, duration)
+        self._course.plan()
+
+    def land(self, soles: Sequence[pin.SE3], credit: float) -> None:
+        """End a swing: the foot stands at its placement, and the plan goes on from there; see `PlanPhases.land`."""
+        phases = self._phases
+        planned, side = phases.landing, 1 - phases.stance
+        # A copy: the placement may be the model's own, which moves on with the foot.
+        self.places[side] = place = pin.SE3(soles[side])
+        self._yaws[side] = heading(place.rotation)
+        landed = Footstep.of(planned.side, place)
+        self._ground.land(landed.z - planned.z, landed.z - float(soles[1 - side].translation[2]))
+        phases.land(landed, credit)
+        self.swing = None
