@@ -39,12 +39,12 @@ def analytic_pattern(supports: Sequence[SupportPhase], height: float, start: Pen
     times.insert(1, 0.5 * times[1])
     points.insert(1, 0.5 * (points[0] + points[1]))
     profile = HeightProfile(supports, height, start)
-    free = Pattern(times, points, start, height, profile)
+    free = Pattern(times, points, start, profile)
     nudged = [*points[:1], points[1] + 1.0, *points[2:]]
-    gain = Pattern(times, nudged, start, height, profile).dcm[0] - free.dcm[0]
+    gain = Pattern(times, nudged, start, profile).dcm[0] - free.dcm[0]
     dcm = complex(*(start.com + start.com_velocity / natural_frequency(height))[:2])
     points[1] += (dcm - free.dcm[0]) / gain
-    return Pattern(times, points, start, height, profile)
+    return Pattern(times, points, start, profile)
 
 
 def support_area(feet: Sequence[Footstep], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pendulum import BY_TIME
 from properties import by_default
+from steered_walk import steered_steps
 
 from wbc.base.settings import from_json, to_json
 from wbc.core.robot import GRAVITY, SIDES
@@ -134,7 +135,7 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
     robot, rng = ROBOTS[name], np.random.default_rng(3)
     reach = Reach.of(robot)
     for _ in range(60):
-        source = SteeredSteps(reach, DriveSettings(acceleration=(99, 99, 99)))
+        source = steered_steps(reach, DriveSettings(acceleration=(99, 99, 99)))
         now = standing(name)
         for begun in range(3):
             x, y, turn = rng.normal(size=3)
@@ -284,7 +285,7 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
     x, y, _ = there.translation
 
     def to(goal: tuple[float, float, float]) -> SteeredSteps:
-        source = SteeredSteps(reach)
+        source = steered_steps(reach)
         source.steering.go_to(*goal)
         return source
 
@@ -453,7 +454,7 @@ def test_gait_for_a_speed() -> None:
 def test_no_speed_is_granted_that_takes_more_than_the_legs_give(name: str) -> None:
     """Whatever the settings allow: as a plan, too, its steps are accepted."""
     reach = Reach.of(ROBOTS[name])
-    source = SteeredSteps(reach, DriveSettings(fastest=(2.0, 1.0, 1.0), reach=1.0))
+    source = steered_steps(reach, DriveSettings(fastest=(2.0, 1.0, 1.0), reach=1.0))
     source.steering.command((2.0, 0.0, 0.0))
     now, granted = standing(name), []
     for k in range(60):
@@ -469,7 +470,7 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
     robot = ROBOTS[name]
     height = Leg(robot).bent_height(DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
-    source = SteeredSteps(Reach.of(robot, height))
+    source = steered_steps(Reach.of(robot, height))
     for first, target in ((0, 0.3), (30, 0.2)):
         source.steering.command((target, 0.0, 0.0))
         for i in range(first, first + 30):

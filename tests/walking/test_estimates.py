@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from steered_walk import steered_steps
 
 from wbc.base.errors import InputError
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
@@ -17,7 +18,6 @@ from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
 from wbc.walking.ground import HIGHEST, GroundEstimate
-from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
@@ -244,12 +244,12 @@ def test_feet_stand_half_a_tread_before_the_first_edge() -> None:
 def test_a_robot_sets_off_with_the_foot_on_the_side_of_the_motion_else_of_the_turn(
     velocity: tuple[float, float, float], side: str
 ) -> None:
-    planner = SteeredSteps(Reach.of(load("hrp4_class").robot()))
+    planner = steered_steps(Reach.of(load("hrp4_class").robot()))
     planner.steering.command(velocity)
     plan = planner.footsteps(Standing(START, None, 0, False, 0.0))
     assert plan.steps[0].side == side == walk_velocity(START, velocity, 3).steps[0].side
     assert planner.granted != AT_REST
-    given = SteeredSteps(Reach.of(load("hrp4_class").robot()))
+    given = steered_steps(Reach.of(load("hrp4_class").robot()))
     given.steering.command(velocity)
     assert given.footsteps(Standing(START, "right", 0, False, 0.0)).steps[0].side == "right"
 

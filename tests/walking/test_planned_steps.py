@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from steered_walk import steered_steps
 
 from wbc.base.errors import InputError
 from wbc.robots import load
-from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, check_start
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
@@ -62,7 +62,7 @@ def test_a_goal_is_walked_to_in_two_steps_from_the_middle_of_the_feet_or_beside_
         foot = start.foot(first)
         start = replace(start, **{first: replace(foot, x=foot.x - 0.3 * c, y=foot.y - 0.3 * s)})
     start = replace(start, gait=replace(GAIT, feet_spacing=SPACING))
-    planner = SteeredSteps(REACH, granted=(0.01, 0.0, 0.0), pace=0.01)
+    planner = steered_steps(REACH, granted=(0.01, 0.0, 0.0), pace=0.01)
     planner.steering.go_to(1.0 + 0.2 * c - 0.06 * s, -2.0 + 0.2 * s + 0.06 * c, yaw + 0.1)
     two = 2.0 * Gait.for_speed(planner.granted, start.gait).cycle
     wanted = planner._towards_goal(Standing(start, first, 3, False, 0.0))
@@ -70,7 +70,7 @@ def test_a_goal_is_walked_to_in_two_steps_from_the_middle_of_the_feet_or_beside_
 
 
 def test_a_robot_walks_to_a_near_goal_no_faster_than_its_settings_say() -> None:
-    planner = SteeredSteps(REACH, DriveSettings(fastest=(0.05, 0.2, 0.5)))
+    planner = steered_steps(REACH, DriveSettings(fastest=(0.05, 0.2, 0.5)))
     planner.steering.go_to(0.5, 0.0, 0.0)
     assert planner._towards_goal(at_rest(feet_at(0.0)))[0] == pytest.approx(0.05)
     planner.steering.go_to(-0.5, 0.0, 0.0)
@@ -88,7 +88,7 @@ def test_a_robot_walks_to_a_near_goal_no_faster_than_its_settings_say() -> None:
     [(0.019, 0.0, True), (0.021, 0.0, False), (0.0, 0.049, True), (0.0, -0.049, True), (0.0, 0.051, False)],
 )
 def test_a_goal_is_reached_within_20_mm_and_50_mrad(off: float, turn: float, *, there: bool) -> None:
-    planner = SteeredSteps(REACH)
+    planner = steered_steps(REACH)
     planner.steering.go_to(1.0 + 0.6 * off, 0.8 * off, turn)
     assert len(planner.footsteps(at_rest(feet_at(1.0))).steps) == (0 if there else 5)
     assert (planner.steering.goal is None) == there
@@ -101,7 +101,7 @@ def test_a_robot_that_was_there_with_feet_that_stride_stands_by_what_closed_feet
     x: float, turn: float, steps: int
 ) -> None:
     """10 mm and 50 mrad more, once it has stopped there."""
-    planner = SteeredSteps(REACH)
+    planner = steered_steps(REACH)
     planner.steering.go_to(1.0, 0.0, 0.0)
     planner.footsteps(Standing(feet_at(1.0), "left", 4, False, 0.0))
     assert planner.steering.goal is not None, "it has to close up first"
@@ -115,7 +115,7 @@ def test_feet_that_miss_their_places_count_as_there_after_two_landings_within_wh
     The ground takes the feet back each time, so that the robot is as far from its goal as before.
     """
     for away, landings in ((0.068, 3), (0.072, None)):
-        planner, begun, found = SteeredSteps(REACH), 7, None
+        planner, begun, found = steered_steps(REACH), 7, None
         start = replace(feet_at(1.0), gait=replace(GAIT, feet_spacing=SPACING))
         planner.steering.go_to(1.0 + away, 0.0, 0.0)
         planner.footsteps(Standing(start, "left", begun, False, 0.0))
@@ -133,7 +133,7 @@ def test_feet_that_miss_their_places_count_as_there_after_two_landings_within_wh
 
 
 def test_a_new_goal_forgets_what_was_missed_on_the_way_to_the_last_one() -> None:
-    planner = SteeredSteps(REACH)
+    planner = steered_steps(REACH)
     planner.steering.go_to(1.5, 0.0, 0.0)
     planner.footsteps(Standing(feet_at(1.0), "left", 0, False, 0.0))
     planner._way.missed["left"], planner._way.tries, planner._way.beside = 0.3, 5, True
@@ -143,7 +143,7 @@ def test_a_new_goal_forgets_what_was_missed_on_the_way_to_the_last_one() -> None
 
 
 def test_a_step_in_the_air_is_not_looked_at_before_it_lands() -> None:
-    planner = SteeredSteps(REACH)
+    planner = steered_steps(REACH)
     planner.steering.go_to(1.5, 0.0, 0.0)
     plan = planner.footsteps(Standing(feet_at(1.0), "left", 3, False, 0.0))
     aim = plan.steps[0]
@@ -160,7 +160,7 @@ def test_a_step_above_a_tenth_of_a_metre_is_halved_before_a_stand(aside: float) 
     for way in (0.099, 0.101):
         cycle = Gait.at_speed(0.1).cycle
         granted = (math.sqrt(1.0 - aside**2) * way / cycle, aside * way / cycle, 0.0)
-        planner = SteeredSteps(REACH, granted=granted, pace=0.1)
+        planner = steered_steps(REACH, granted=granted, pace=0.1)
         plan = planner.footsteps(Standing(feet_at(1.0), "left", 0, False, 0.0))
         assert (planner.granted == AT_REST) == (way < 0.1)
         assert bool(plan.steps) == (way > 0.1)
@@ -169,7 +169,7 @@ def test_a_step_above_a_tenth_of_a_metre_is_halved_before_a_stand(aside: float) 
 def test_the_step_in_the_air_is_the_first_of_the_two_in_which_a_robot_stops() -> None:
     cycle = Gait.at_speed(0.3).cycle
     for swings, halved in ((True, False), (False, True)):
-        planner = SteeredSteps(REACH, granted=(0.3, 0.0, 0.0), pace=0.3)
+        planner = steered_steps(REACH, granted=(0.3, 0.0, 0.0), pace=0.3)
         plan = planner.footsteps(Standing(feet_at(1.0), "right", 5, swings, 0.0))
         assert [step.x for step in plan.steps] == pytest.approx([1.0 + 0.15 * cycle] * 2 if halved else [])
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from steered_walk import steered_steps
 
 import wbc
-from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Reach
@@ -379,7 +379,7 @@ REACH = Reach.of(wbc.load_robot("hrp4_class").robot())
 
 def test_a_robot_sets_off_by_half_a_second_of_its_acceleration_and_goes_on_by_the_time_that_passes() -> None:
     drive = DriveSettings(acceleration=(0.2, 0.1, 0.6))
-    planner = SteeredSteps(REACH, drive)
+    planner = steered_steps(REACH, drive)
     planner.steering.command((0.25, -0.15, 0.45))
     planner.footsteps(asked("right"))
     assert planner.granted == pytest.approx((0.1, -0.05, 0.3))
@@ -394,7 +394,7 @@ def test_steps_of_a_velocity_go_as_far_as_it_does_in_their_time_and_the_outer_fo
     None
 ):
     """Forward v T a step; to the side and in turns 2, 4/3 and 2/3 of it."""
-    planner = SteeredSteps(REACH, granted=(0.1, 0.02, 0.1), pace=0.1)
+    planner = steered_steps(REACH, granted=(0.1, 0.02, 0.1), pace=0.1)
     planner.steering.command((0.1, 0.02, 0.1))
     plan = planner.footsteps(asked("left"))
     assert planner.granted == pytest.approx((0.1, 0.02, 0.1)) and len(plan.steps) == 5
@@ -412,7 +412,7 @@ def test_steps_of_a_velocity_go_as_far_as_it_does_in_their_time_and_the_outer_fo
 
 @pytest.mark.parametrize("speed", [0.05, 0.3])
 def test_a_robot_that_is_to_stop_halves_a_long_step_and_closes_up(speed: float) -> None:
-    planner = SteeredSteps(REACH, granted=(speed, 0.0, 0.0), pace=speed)
+    planner = steered_steps(REACH, granted=(speed, 0.0, 0.0), pace=speed)
     plan = planner.footsteps(asked("left", begun=3))
     cycle = Gait.at_speed(speed).cycle
     long = speed * cycle > 0.1
@@ -425,7 +425,7 @@ def test_a_robot_that_is_to_stop_halves_a_long_step_and_closes_up(speed: float) 
 
 def test_the_share_of_a_velocity_within_reach_is_the_greatest_one() -> None:
     """By the ellipse of long and wide steps: forward and to the side together take more than each alone."""
-    planner, gait = SteeredSteps(REACH), Gait(single_support=2.0, double_support=0.5)
+    planner, gait = steered_steps(REACH), Gait(single_support=2.0, double_support=0.5)
     share, spacing = planner.settings.reach, 0.175
     slow, fast = (Gait.at_speed(speed, gait) for speed in (0.1, 0.9))
     cycle = slow.cycle

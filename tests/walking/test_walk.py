@@ -386,7 +386,7 @@ def adjust(
     settings: AdjustmentSettings | None = None,
 ) -> tuple[Footstep, float]:
     """Adjust that swing, with an error of the DCM in the axes of the stance foot, m."""
-    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), settings=settings)
+    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), ZmpTarget(), settings or AdjustmentSettings())
     turn = complex(np.cos(swing.stance.yaw), np.sin(swing.stance.yaw))
     return adjuster.adjust(swing, elapsed, swing.dcm(elapsed) + turn * complex(*error))
 
@@ -452,7 +452,8 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
 def test_a_zmp_that_is_planned_inwards_leaves_less_room_outwards(first: str) -> None:
     """Of a sole 76 mm wide with a margin of 10 mm and a ZMP 20 mm inwards: 8 mm outwards and 48 mm inwards."""
     plan = walk_distance(START, 1.0, first=first)
-    swing, adjuster = swing_of(plan), StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), ZmpTarget(inward=0.02))
+    swing, reach, target = swing_of(plan), Reach.of(ROBOT, HEIGHT), ZmpTarget(inward=0.02)
+    adjuster = StepAdjuster(HEIGHT, reach, target, AdjustmentSettings())
     outwards = 1.0 if swing.landing.side == "left" else -1.0
     grow = np.exp(OMEGA * (0.4 + 0.15))
     for shift, stays in ((0.007, True), (0.02, False), (-0.02, True)):
@@ -465,7 +466,8 @@ def test_a_zmp_that_is_planned_inwards_leaves_less_room_outwards(first: str) -> 
 
 def test_a_step_comes_as_early_as_it_may_and_lands_no_further_away_than_it_may() -> None:
     """50 ms from now; 0.15 m ahead and 0.12 m aside, within the reach of the legs."""
-    adjuster, reach = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT)), Reach.of(ROBOT, HEIGHT)
+    reach = Reach.of(ROBOT, HEIGHT)
+    adjuster = StepAdjuster(HEIGHT, reach, ZmpTarget(), AdjustmentSettings())
     for push in (-0.3j, 0.4j, -0.12, 0.3):
         assert adjuster.adjust(SWING, 0.4, SWING.dcm(0.4) + push)[1] == pytest.approx(FREEZE)
     (low_x, low_y), (high_x, high_y) = adjuster._box((0.1, 0.18))
@@ -481,20 +483,22 @@ def test_the_room_of_the_zmp_is_that_of_the_sole_less_its_margin_from_the_planne
     length, width = 0.5 * ROBOT.soles[0].length - 0.01, 0.5 * ROBOT.soles[0].width - 0.01
     for forward, inward in ((0.03, 0.005), (-0.06, -0.01)):
         target = ZmpTarget(forward=forward, inward=inward)
-        low, high = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), target)._shifts["left"]
+        low, high = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), target, AdjustmentSettings())._shifts[
+            "left"
+        ]
         assert low == pytest.approx((-min(0.03, length + forward), -width - inward))
         assert high == pytest.approx((length - forward, width - inward))
     for margin in (0.05, 0.5):  # nothing is left of the sole
-        low, high = StepAdjuster(
-            HEIGHT, Reach.of(ROBOT, HEIGHT), settings=AdjustmentSettings(margin=margin)
-        )._shifts["right"]
+        settings = AdjustmentSettings(margin=margin)
+        low, high = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), ZmpTarget(), settings)._shifts["right"]
         assert high[1] == pytest.approx(1e-3) == -low[1]
 
 
 def test_errors_that_cost_less_than_a_change_of_the_step_need_no_program() -> None:
     """The program would leave the step as it is, too; with twice the error it may not."""
     settings = AdjustmentSettings(backward=0.2, margin=0.0)
-    adjuster, grow = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), settings=settings), np.exp(OMEGA * 0.55)
+    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), ZmpTarget(), settings)
+    grow = np.exp(OMEGA * 0.55)
     idle = adjuster._idle
     assert idle > 0.02
     for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):

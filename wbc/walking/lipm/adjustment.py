@@ -67,18 +67,11 @@ class PlannedSwing(NamedTuple):
 class StepAdjuster:
     """Step adjustment of one robot."""
 
-    def __init__(
-        self,
-        height: float,
-        reach: Reach,
-        target: ZmpTarget | None = None,
-        settings: AdjustmentSettings | None = None,
-    ) -> None:
+    def __init__(self, height: float, reach: Reach, target: ZmpTarget, settings: AdjustmentSettings) -> None:
         """Make the program for a height of the CoM, m."""
-        self.settings = s = settings or AdjustmentSettings()
+        self.settings = s = settings
         self._omega, self._reach, self._program = natural_frequency(height), reach, StepProgram(height)
         self._shifts = {}  # of the ZMP under each foot, least and greatest, ahead and towards the other foot, m
-        target = target or ZmpTarget()
         for side, sole in zip(SIDES, reach.soles, strict=True):
             length, width = (max(0.5 * size - s.margin, 1e-3) for size in sole)
             low = min(0.0, max(-length - target.forward, -s.backward)), min(0.0, -width - target.inward)

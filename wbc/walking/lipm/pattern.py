@@ -38,20 +38,14 @@ class Pattern:
         zmp: ZMP at the knots; at rest after the last one.
         dcm: DCM at the knots.
         omega: Natural frequency, 1/s.
-        height: Height of the CoM over the support, m.
     """
 
     def __init__(
-        self,
-        times: Sequence[float],
-        zmp: Sequence[complex],
-        start: Pendulum,
-        height: float,
-        profile: HeightProfile,
+        self, times: Sequence[float], zmp: Sequence[complex], start: Pendulum, profile: HeightProfile
     ) -> None:
         """Follow a line of ZMPs at times from 0; of the start only the convergent part of the CoM is used."""
-        self.times, self.zmp, self.height, self._profile = times, zmp, height, profile
-        self.omega = omega = natural_frequency(height)
+        self.times, self.zmp, self._profile = times, zmp, profile
+        self.omega = omega = natural_frequency(profile.height)
         self.dcm = dcm_backwards(times, zmp, omega)
         (x, y), (u, v) = start.com[:2].tolist(), start.com_velocity[:2].tolist()
         convergent = complex(x - u / omega, y - v / omega)
@@ -73,7 +67,7 @@ class Pattern:
         # One array and its parts: making an array costs more than a slice.
         parts = np.array(
             (
-                *(com.real, com.imag, level + self.height, speed.real, speed.imag, climb),
+                *(com.real, com.imag, level + self._profile.height, speed.real, speed.imag, climb),
                 *(pushed.real, pushed.imag, push, zmp.real, zmp.imag, level, rate.real, rate.imag, climb),
             )
         )

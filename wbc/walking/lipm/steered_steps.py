@@ -23,13 +23,19 @@ TURN_REACH = 0.9
 TRIES = 2
 """Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
 
-AHEAD, STOPPING = 4, 0.1
-"""Steps that are planned ahead, before the one that closes up; length of a step above which a robot that is to stop
-takes a shorter one before it closes up, m: no step of a robot of half a metre is as long."""
+STEERED = 4
+"""Steps that are planned ahead, before the one that closes up."""
 
-PLANNED_NEAR, PLANNED_ARRIVED = 0.6, (0.02, 0.05)
-"""Distance from which on a goal is walked to face first, m; distance and turn from which on it is reached, m and rad,
-by planned steps, which land where they are planned."""
+STOPPING = 0.1
+"""Length of a step above which a robot that is to stop takes a shorter one before it closes up, m: no step of a robot
+of half a metre is as long."""
+
+PLANNED_NEAR = 0.6
+"""Distance from which on a goal is walked to face first, m; a small robot has its share of it."""
+
+PLANNED_ARRIVED = (0.02, 0.05)
+"""Distance and turn from which on a goal is reached, m and rad, by planned steps, which land where they are planned: a
+tolerance of the goal, whatever the size of the robot."""
 
 SETTING_OFF = 0.5
 """Time whose change of velocity a robot that stands sets off with, s."""
@@ -81,16 +87,10 @@ class SteeredSteps(FootstepSource):
     to_check = 0
 
     def __init__(
-        self,
-        reach: Reach,
-        settings: DriveSettings | None = None,
-        steering: Steering | None = None,
-        granted: Velocity = AT_REST,
-        pace: float = 0.0,
+        self, reach: Reach, settings: DriveSettings, steering: Steering, granted: Velocity, pace: float
     ) -> None:
         """Stand; `granted` and `pace` are those of the robot now."""
-        self.settings = s = settings or DriveSettings()
-        self.steering = steering or Steering(s.limits, PLANNED_NEAR)
+        self.settings, self.steering = settings, steering
         self.granted, self.pace = granted, pace
         self._wish: Velocity = granted  # before the limits of the reach
         self._asked: tuple[Velocity, float, Gait] | None = None  # last asked of the reach
@@ -130,7 +130,7 @@ class SteeredSteps(FootstepSource):
             gait = Gait.at_speed(self.pace, now.start.gait)
             cycle = gait.cycle
             dx, dy, turn = (cycle * part for part in self.granted)
-            plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * AHEAD))
+            plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * STEERED))
         self._way.aim = (now.begun, plan.steps[0]) if plan.steps else None
         return plan
 
