@@ -403,7 +403,7 @@ def test_a_task_spares_all_joints_but_those_of_its_arm_and_the_posture_yields_to
     assert sorted(one.task.spared) == sorted(set(range(robot.nv)) - set(columns.tolist()))
     assert sorted(walking.tasks.com.spared) == sorted(columns)
     scale = np.ones(robot.na)
-    scale[one.joints] = walking.tasks.reaching
+    scale[one.joints] = walking.tasks.table.reaching
     np.testing.assert_allclose(walking.tasks.posture.scale, scale)
     other.reach(other.place.translation)
     update(walking, 1)
@@ -498,7 +498,7 @@ def test_a_neck_looks_with_the_axis_that_points_ahead_in_a_stand_and_a_tenth_of_
     np.testing.assert_allclose(gaze.weight, 1.0)
     np.testing.assert_allclose(gaze.stiffness, 30.0)
     np.testing.assert_allclose(gaze.error_bound, 0.3)
-    np.testing.assert_allclose(gaze.scale, 1.0 / walking.tasks.reaching)
+    np.testing.assert_allclose(gaze.scale, 1.0 / walking.tasks.table.reaching)
     frame = robot.placement(gaze.frame)
     np.testing.assert_allclose(frame.rotation @ gaze._axis, (1.0, 0.0, 0.0), atol=1e-6)
     head = max(robot.model.getJointId(name) for name in robot.joint_names if "neck" in name or "head" in name)

@@ -145,15 +145,16 @@ class WalkingControl(SteeredControl):
             self._hands = Hands(controller, estimate, s.hands, edges, height, self.arms, box)
         self.load = None if s.load is None else HeldLoad(estimate, observer.observe_outside(), s.load)
         self.balance: Balance | None = None
-        if self.tasks.stabilized is not None:
-            self.balance = Balance(self.drives, self.tasks.stabilized, self._hands, self.load, s, height)
+        table = self.tasks.table
+        if table.stabilized is not None:
+            self.balance = Balance(self.drives, table.stabilized, self._hands, self.load, s, height)
         self.body = Body(
             controller,
             walk,
             height,
             dt,
             most_turn=STEPPING_TURN if self.balance is None else math.inf,
-            reaching=self.tasks.reaching,
+            reaching=table.reaching,
         )
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:

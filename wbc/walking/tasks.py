@@ -65,28 +65,33 @@ class TaskTable(NamedTuple):
     reaching: float = 1.0
 
 
+class TrunkLink(NamedTuple):
+    """Task of the pelvis or of the torso, and the rotation that it holds, seen in the heading of the robot."""
+
+    task: OrientationTask
+    tilt: Array  # rotation matrix
+    yaw: float  # heading of the tilt, rad
+
+
 class WalkTasks:
     """CoM, swing feet, trunk, posture, contacts and limits of one walk, by the table of its steps.
 
     Attributes:
+        table: Its `TaskTable`.
         contacts: Contacts of the left and of the right sole.
         com: Task of the centre of mass.
         posture: Task of all joints.
-        stabilized: Feet that a stabilizer loads; None where steps balance the robot.
-        reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
     """
 
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
-        robot = controller.robot
+        robot, self.table = controller.robot, table
         self.contacts, self.com, self.posture = table.contacts, table.com, table.posture
-        self.stabilized, self._feet, self._rise = table.stabilized, table.feet, table.rise
-        self.reaching = table.reaching
         self._urgency, self._swing_scale = 0.0, np.ones(6)
         self._loaded: tuple[object, ...] = ()  # state by which feet that balance the robot were loaded last
         swing = table.swing
         self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
-        self._trunk = [
+        trunk = [
             OrientationTask(frame, **_named(name, gains))
             for name, frame, gains in zip(("pelvis", "torso"), robot.trunk_frames, table.trunk, strict=False)
         ]
@@ -96,21 +101,21 @@ class WalkTasks:
             turn = _named("torso turn", table.twist)
             self._twist = OrientationTask(robot.torso_frame, axes=("yaw",), joints=waist, **turn)
             self._twist.scale = 0.0
-        limits = [JointLimits(), TorqueLimits(), *(() if self._rise is None else (self._rise,))]
+        limits = [JointLimits(), TorqueLimits(), *(() if table.rise is None else (table.rise,))]
         turning = () if self._twist is None else (self._twist,)
-        wrenches = () if self.stabilized is None else self.stabilized.parts
-        trunk = (*self._trunk, *turning)
-        controller.add(self.com, *wrenches, *self._swings, *trunk, self.posture, *limits, *self.contacts)
+        wrenches = () if table.stabilized is None else table.stabilized.parts
+        controller.add(self.com, *wrenches, *self._swings, *trunk, *turning)
+        controller.add(self.posture, *limits, *self.contacts)
         forward = yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
-        self._trunk_tilts = [forward @ task.target for task in self._trunk]
-        self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
+        tilts = [forward @ task.target for task in trunk]
+        self._trunk = [TrunkLink(task, tilt, heading(tilt)) for task, tilt in zip(trunk, tilts, strict=True)]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
         self._own_gains = {gain: np.array(getattr(self.com, gain)) for gain in GAINS}
         place = "walking.velocity or walking.go_to for its place"
         self.com.held_by = f"walking.body.com_height for its height, {place}"
         for foot in self._swings:
             foot.scale, foot.held_by = 0.0, "walking.velocity, walking.go_to or a plan of footsteps"
-        for task in trunk:
+        for task in (*trunk, *turning):
             task.held_by = "walking.body.lean and walking.body.turn"
 
     def begin(self) -> None:
@@ -128,7 +133,7 @@ class WalkTasks:
         They are indices in arrays of shape (na,), and no others are left to hands.
         """
         scale, spared = np.ones(self.posture.dim), np.array(joints, dtype=np.intp)
-        scale[spared] = self.reaching
+        scale[spared] = self.table.reaching
         self.posture.scale, self.com.spared = scale, spared + BASE_DOF
 
     def expect(self, accelerations: Array) -> None:
@@ -191,15 +196,15 @@ class WalkTasks:
         `UPRIGHT` itself is no lean, `UNTWISTED` no twist.
         """
         pendulum, body, progress = reference.pendulum, reference.body, reference.progress
-        contact, air = progress.contact, progress.air
-        if self._feet is not None:
-            self._load(reference, self._feet)
+        contact, air, table = progress.contact, progress.air, self.table
+        if table.feet is not None:
+            self._load(reference, table.feet)
         else:
             for side, on in enumerate(contact):
                 if on != self.contacts[side].active:
                     self._switch(side, contact=on, swings=not on)
-        if self._rise is not None:
-            self._rise.height = float(pendulum.com[2])
+        if table.rise is not None:
+            table.rise.height = float(pendulum.com[2])
         for side, (motion, stands) in enumerate(zip(reference.feet, contact, strict=True)):
             if not stands or side == air:
                 self._swings[side].follow(*motion)
@@ -209,17 +214,17 @@ class WalkTasks:
         else:
             acceleration = body.com_acceleration
             self._follow_body(body, lean, twist)
-        if self.stabilized is not None and output is not None:
-            self.stabilized.follow(output, contact, [motion.placement for motion in reference.feet])
-            acceleration = self.stabilized.com_acceleration(output, pendulum, acceleration)
+        if table.stabilized is not None and output is not None:
+            table.stabilized.follow(output, contact, [motion.placement for motion in reference.feet])
+            acceleration = table.stabilized.com_acceleration(output, pendulum, acceleration)
         self.com.follow(pendulum.com, pendulum.com_velocity, acceleration)
 
     def _follow_body(self, body: WholeBody, lean: LeanMotion, twist: Twist) -> None:
         """Set the targets of a source that gives the motion of all joints; its trunk is twisted, and leans."""
-        for task, turn, (rotation, velocity, acceleration) in zip(
+        for link, turn, (rotation, velocity, acceleration) in zip(
             self._trunk, twist.links[: len(self._trunk)], body.trunk, strict=True
         ):
-            task.follow(
+            link.task.follow(
                 lean.rotation.dot(yaw_rotation(turn.angle)).dot(rotation),
                 velocity + lean.velocity + turn.rate * UP,
                 acceleration + lean.acceleration + turn.acceleration * UP,
@@ -234,21 +239,21 @@ class WalkTasks:
         A trunk that is turned far from there is brought upright as it turns back: a rotation that is large about the
         vertical has parts about the level axes that are no tilt, so the heading of the target stays near the trunk's.
         """
-        turns, still = twist.links, twist is UNTWISTED
+        links, still = list(zip(self._trunk, twist.links, strict=False)), twist is UNTWISTED
         off = [
-            math.remainder(yaw + turn.angle + own - heading(task.rotation), math.tau)
-            for task, turn, own in zip(self._trunk, turns, self._trunk_yaws, strict=False)
+            math.remainder(yaw + turn.angle + link.yaw - heading(link.task.rotation), math.tau)
+            for link, turn in links
         ]
         far = max(off) > TURNED or min(off) < -TURNED
         if not far and still and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = (yaw, lean) if not far and still else (None, UPRIGHT)
-        for task, tilt, turn, error in zip(self._trunk, self._trunk_tilts, turns, off, strict=False):
+        for (link, turn), error in zip(links, off, strict=True):
             towards = yaw + turn.angle
             if far:
                 towards += min(max(error, -TURNED), TURNED) - error
-            task.follow(
-                lean.rotation.dot(yaw_rotation(towards)).dot(tilt),
+            link.task.follow(
+                lean.rotation.dot(yaw_rotation(towards)).dot(link.tilt),
                 lean.velocity + turn.rate * UP,
                 lean.acceleration + turn.acceleration * UP,
             )
@@ -260,7 +265,7 @@ class WalkTasks:
         if turn.by_waist == task.idle:
             task.scale = float(turn.by_waist)
         if turn.by_waist:
-            target: Array = self._trunk[1].target
+            target: Array = self._trunk[1].task.target
             task.follow(target, np.array([turn.rate]), np.array([turn.acceleration]))
 
 

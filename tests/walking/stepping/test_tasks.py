@@ -197,7 +197,7 @@ def test_nothing_makes_a_rising_robot_rise_on(height: float, speed: float) -> No
     controller, tasks, reference = moving(height, speed)
     tasks.com.follow(controller.robot.com + [0.0, 0.0, 0.2], np.zeros(3), np.array([0.0, 0.0, 20.0]))
     tasks.com.weight = np.full(3, 1e4)  # the worst that tasks can ask for
-    tasks._rise.height = float(reference.pendulum.com[2])  # type: ignore[union-attr]
+    tasks.table.rise.height = float(reference.pendulum.com[2])  # type: ignore[union-attr]
     solution = controller.solve()
     assert solution.ok
     drift = controller.robot.com_jacobian[2] @ solution.accelerations
@@ -209,7 +209,7 @@ def test_below_its_ceiling_the_rise_is_no_concern() -> None:
     controller, tasks, reference = moving(-0.02, 0.05)
     tasks.follow(reference)
     free = controller.solve().accelerations
-    tasks._rise.height = np.inf  # type: ignore[union-attr]
+    tasks.table.rise.height = np.inf  # type: ignore[union-attr]
     np.testing.assert_allclose(controller.solve().accelerations, free, atol=1e-6)
 
 
@@ -258,7 +258,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
     """A foot that yields costs a tenth; alone one carries half of the weight; boxes are about the CoP in all ticks."""
     controller, tasks, reference = standing()
     size = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2]))  # that of `standing`
-    law, stance = in_si(SteppingConstants(), size), tasks._feet
+    law, stance = in_si(SteppingConstants(), size), tasks.table.feet
     assert stance is not None
     tasks.follow(reference)
     for contact in tasks.contacts:
@@ -321,5 +321,5 @@ def test_a_trunk_stays_as_it_stands_whatever_the_robot_faces_at_the_start(yaw: f
     gait = SteppingWalk.of(robot, DT)
     tasks = WalkTasks(Controller(robot, DT), free_table(robot, gait))
     tasks._turn_trunk(yaw, UPRIGHT, Twist(0.0, 0.1, 0.0, by_waist=False))
-    for task in tasks._trunk:
+    for task, _, _ in tasks._trunk:
         np.testing.assert_allclose(task.target, task.rotation, atol=1e-9)
