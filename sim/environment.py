@@ -166,9 +166,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
                 )
                 for time in np.arange(2.0, self._seconds, 2.0)
             )
-        return self._begin(
-            self._spec(int(self.np_random.integers(2**31)), pushes), given.get("hooks", ())
-        ), {}
+        spec = self._spec(int(self.np_random.integers(2**31)), pushes)
+        return self._begin(spec, given.get("hooks", ())), {}
 
     def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Seen:
         """Begin an episode, and return its first observation."""
@@ -269,9 +268,9 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             self.close()
             return self._last.copy(), -1.0, True, False, info
         place = self._progress()
-        reward = (
-            place - self._reached if self._task == "walk" else -float(np.linalg.norm(self._over_feet()[:2]))
-        )
+        walks = self._task == "walk"
+        reward = place - self._reached if walks else -float(np.linalg.norm(self._over_feet()[:2]))
+        reward -= float(trial.fallen)
         self._reached = place
         info["fall"] = None if trial.fall is None else trial.fall.value
         self._last = self._observation()
@@ -279,7 +278,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         self._over = trial.fallen or truncated
         if self._over:
             self.close()
-        return self._last.copy(), float(reward) - trial.fallen, trial.fallen, truncated, info
+        return self._last.copy(), float(reward), trial.fallen, truncated, info
 
     def _spec(self, seed: int, pushes: tuple[WalkPush, ...]) -> WalkSpec:
         plan = WalkPlan(drive=((3600.0, 0.0, 0.0, 0.0),))  # steered by actions

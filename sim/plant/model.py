@@ -316,9 +316,8 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
             continue
         outside = np.linalg.norm(places[:, None, :2] - corners, axis=2).min(axis=1) > 0.0
         distance = np.linalg.norm(places[:, :2] - corners.mean(axis=0), axis=1)
-        furthest = (
-            np.sort(distance)[min(len(corners), len(mine)) - 1] + ROUNDING
-        )  # all of that distance are kept
+        # All of the distance of the last corner are kept.
+        furthest = np.sort(distance)[min(len(corners), len(mine)) - 1] + ROUNDING
         model.geom_conaffinity[mine[outside & (distance > furthest)]] = 0
 
 

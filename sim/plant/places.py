@@ -231,9 +231,8 @@ class RobotPlaces:
             place = imu.actInv(self._pose(body) * at)
             distance = float(np.linalg.norm(place.translation))
             if best is None or distance < best[0]:
-                turn = (
-                    None if np.allclose(place.rotation, np.eye(3), atol=ROUNDING) else place.rotation.copy()
-                )
+                level = np.allclose(place.rotation, np.eye(3), atol=ROUNDING)
+                turn = None if level else place.rotation.copy()
                 best = (distance, int(model.sensor_adr[sensor]), turn)
         return None if best is None else best[1:]
 

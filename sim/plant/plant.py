@@ -323,7 +323,7 @@ class Plant(MujocoRobot):
         mujoco.mj_step1(self.model, self.data)
         self.data.efc_force[:] = (
             np.nan
-        )  # contacts are those of the coming step, whose forces nobody knows yet
+        )  # the contacts are those of the coming step: nobody knows their forces
         self._begun = True
 
     def _end_period(self) -> None:

@@ -47,9 +47,8 @@ class LooseStones(Scene):
     def build(self, spec: mujoco.MjSpec) -> None:
         draw, placed = np.random.default_rng(self.seed), list[tuple[float, float, float]]()
         round_, longest = self.shape == "pebble", 0.5 * self.size
-        kind, share = (
-            ("ellipsoid", math.pi / 6.0) if round_ else ("box", 1.0)
-        )  # of the volume of the box around
+        kind = "ellipsoid" if round_ else "box"
+        share = math.pi / 6.0 if round_ else 1.0  # of the volume of the box around
         least, most = (0.375 * longest, 0.2 * self.height), (longest, 0.5 * self.height)
         for number in range(self.count):
             half = draw.uniform((least[0], *least), (most[0], *most))

@@ -66,9 +66,7 @@ class TrialKind:
     """
 
     read: Callable[[Mapping[str, Any]], Any]  # makes a spec from plain values
-    run: Callable[
-        [Any, TimeoutCheck], Outcome
-    ]  # runs a spec; returns an outcome that is "done" or "diverged"
+    run: Callable[[Any, TimeoutCheck], Outcome]  # runs a spec; its outcome is "done" or "diverged"
     units: Mapping[str, str] = field(default_factory=dict)
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 

@@ -236,9 +236,8 @@ def local_executor(workers: Count) -> Iterator[Executor]:
             "such as concurrent.futures.ThreadPoolExecutor(1), or run it in another process"
         )
     script = getattr(sys.modules["__main__"], "__file__", None)
-    read = script is not None and not os.path.isfile(
-        script
-    )  # a program from the standard input is no file to import
+    # A program from the standard input is no file to import.
+    read = script is not None and not os.path.isfile(script)
     with _environment(ONE_THREAD | SAFE_PATH):  # processes of this context take no variables of their own
         pool = loky.ProcessPoolExecutor(
             workers,

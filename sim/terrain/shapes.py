@@ -51,10 +51,6 @@ class Quadric(Shape):
         """Symmetric matrix A, shape (3, 3), 1/m²."""
 
     def top(self, x: Array, y: Array) -> Array:
-        return self.upper_root(x, y)
-
-    def upper_root(self, x: Array, y: Array) -> Array:
-        """Return the height where a vertical line leaves the quadric, m; -inf where it misses."""
         a, dx, dy = self.form, x - self.centre[0], y - self.centre[1]
         half = a[0, 2] * dx + a[1, 2] * dy
         rest = a[0, 0] * dx * dx + 2.0 * a[0, 1] * dx * dy + a[1, 1] * dy * dy - 1.0
@@ -146,7 +142,7 @@ class _Rod(Quadric):
 
     def _tube(self, x: Array, y: Array) -> Array:
         """Return the top of the curved wall, m; -inf beside it or past its ends."""
-        z = self.upper_root(x, y)
+        z = super().top(x, y)
         from_centre = np.stack([x, y, np.where(np.isfinite(z), z, 0.0)], axis=-1) - self.centre
         inside = np.abs(from_centre @ self.axis) <= self.half_length
         return np.where(inside, z, _OUTSIDE)
@@ -239,9 +235,7 @@ class Polytope(Shape):
         return np.asarray(self.corners[np.argmax(self.corners[:, 2])])
 
     def top(self, x: Array, y: Array) -> Array:
-        f = self.faces[
-            self.faces[:, 2] > 1e-12
-        ]  # a vertical line leaves by the lowest of the upper faces' planes
+        f = self.faces[self.faces[:, 2] > 1e-12]  # the line leaves by the lowest of the upper faces' planes
         z = ((f[:, 3:] - f[:, :1] * x - f[:, 1:2] * y) / f[:, 2:3]).min(axis=0)
         slack = self.faces[:, 3:] - self.faces[:, :1] * x - self.faces[:, 1:2] * y - self.faces[:, 2:3] * z
         return np.where(slack.min(axis=0) >= -1e-12, z, _OUTSIDE)

@@ -25,7 +25,6 @@ from wbc.sim.terrain.building import build
 from wbc.sim.terrain.families.base import Family, FieldFamily, make_family
 from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site
 from wbc.sim.terrain.ground import Ground
-from wbc.sim.terrain.shapes import Shape
 
 RAMP = 0.5
 """Default length over which heights grow from 0, m: about three steps. A strip that begins with an edge as high as the
@@ -195,11 +194,6 @@ class Terrain:
         """The ground as it is drawn; built at the first query."""
         return build(self.parameters, self.site(), self.strip, self.ramp, self.sole_radius)
 
-    @property
-    def shapes(self) -> tuple[Shape, ...]:
-        """Solids of the rough part; empty for height fields."""
-        return self.surface.shapes
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""
         return self.surface.height(x, y)
@@ -246,10 +240,8 @@ class Terrain:
 
         The obstacle of one step is the amplitude, or one riser. A negative clearance is an `InputError`.
         """
-        height, rise = (
-            finite_scalar("foot clearance (m)", clearance, low=0.0),
-            self.parameters.rise_at(self.amplitude),
-        )
+        height = finite_scalar("foot clearance (m)", clearance, low=0.0)
+        rise = self.parameters.rise_at(self.amplitude)
         if rise > height:
             warnings.warn(
                 f"terrain '{self.name}' rises by {1e3 * rise:.3g} mm, more than the foot clearance of "
@@ -295,17 +287,7 @@ def _as_text(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-TRACK = (
-    "length",
-    "width",
-    "start",
-    "strip",
-    "ramp",
-    "sole_radius",
-    "floor_stiffness",
-    "floor_damping",
-    "areas",
-)
+TRACK = tuple(f.name for f in fields(Terrain) if f.name not in ("parameters", "amplitude", "seed"))
 """Fields of a terrain that have a default, which a family may change."""
 
 

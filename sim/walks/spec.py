@@ -226,9 +226,7 @@ class WalkSpec(TrialSpec):
         if isinstance(source := params.get(SOURCE), str):
             params[SOURCE] = file_of(stamped_file(source, "ground"))
         ground = terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
-        if (
-            ground.name == "flat" or self.plan.stairs is not None
-        ):  # the floor has no end; stairs are where they are
+        if ground.name == "flat" or self.plan.stairs is not None:  # it has no end; stairs are where they are
             return ground
         return fitted(ground, self.plan.way(self.start, self.gait, planned=not self.free), params)
 

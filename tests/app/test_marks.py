@@ -42,6 +42,7 @@ from wbc.app.view.marks import (
     mark_mesh,
     planned_step,
     real_step,
+    repainted,
     ring,
     scan_mark,
     sole_force,
@@ -52,6 +53,8 @@ from wbc.app.view.meshes import (
     PLANE_DEPTH,
     RINGS,
     SHADES,
+    BodyMesh,
+    Mesh,
     ball,
     body_meshes,
     box,
@@ -112,6 +115,7 @@ def test_a_picture_has_the_texts_and_marks_of_its_instant() -> None:
     now.soles, now.stiffness = [[4, 5], [7]], [STIFFEST, math.nan]
     picture = draw(SCALE, now)
     assert picture.time == 2.0 and picture.target is now.com
+    assert {*picture.points} == {"ZMP planned"} and picture.points["ZMP planned"] is now.planned["ZMP"]
     assert set(by_name(picture.marks)) == {"com", "com shadow", "push force 0", "ZMP planned", "own"}
     assert picture.text[:3] == ["demo/wait", "single support, left foot swings, 3 steps done", "more"]
     assert picture.colours == {4: STIFF_COLOUR, 5: STIFF_COLOUR}
@@ -197,6 +201,16 @@ def test_a_legend_has_each_meaning_once_and_that_of_coloured_soles() -> None:
     soles = legend(Picture(0.0, marks, colours={1: RED}))
     assert list(soles.values()) == [RED, SOFT_COLOUR, STIFF_COLOUR]
     assert css((0.0, 0.5, 1.0, 0.3)) == "rgb(0, 128, 255)"
+
+
+def test_a_mesh_is_painted_when_its_body_has_another_colour_and_again_when_it_has_none() -> None:
+    own, other = (0.1, 0.2, 0.3, 1.0), (0.9, 0.2, 0.3, 1.0)
+    meshes = [BodyMesh(body, own, Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32))) for body in (1, 2, 1)]
+    shown = dict.fromkeys(range(3), own)
+    assert list(repainted(shown, meshes, {1: other})) == [(0, other), (2, other)]
+    assert not list(repainted(shown, meshes, {1: other, 2: own}))
+    assert list(repainted(shown, meshes, {})) == [(0, own), (2, own)]
+    assert list(repainted({}, meshes, {2: other})) == [(0, own), (1, other), (2, own)], "nothing was shown"
 
 
 def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
@@ -438,18 +452,24 @@ def test_a_described_robot_has_the_zmp_of_what_its_soles_feel() -> None:
     wrenches = np.zeros((2, 6))
     wrenches[:, 2] = 0.25 * weight, 0.75 * weight
     read: Any = SimpleNamespace(time=3.5, sole_wrench=wrenches)
-    picture = shown.picture(robot, read)
+    assert shown.picture() is None
+    assert shown.take(robot, read) == 3.5
+    picture = shown.picture()
+    assert picture is not None
     marks = by_name(picture.marks)
     assert picture.time == 3.5
     np.testing.assert_allclose(marks["zmp"].points[0], 0.25 * left + 0.75 * right, atol=1e-9)
     np.testing.assert_allclose(marks["ground force 1"].points[0], right, atol=1e-9)
     assert marks["com shadow"].points[0, 2] == pytest.approx(min(left[2], right[2]), abs=1e-9)
-    without = shown.picture(robot.half_sitting, SimpleNamespace(time=1.0, sole_wrench=None))  # type: ignore[arg-type]
-    assert set(by_name(without.marks)) == {"com", "com shadow"} and without.time == 1.0
-    assert shown.picture(robot, None).time == 0.0
-    other = load("g1").robot()
-    with pytest.raises(stage.InputError, match="hrp4_class"):
-        shown.picture(other, None)
+    shown.take(robot.half_sitting, SimpleNamespace(time=5.0, sole_wrench=None))  # type: ignore[arg-type]
+    without = shown.picture()
+    assert without is not None
+    assert set(by_name(without.marks)) == {"com", "com shadow"} and without.time == 5.0
+    assert shown.take(robot, None) == 5.0, "nothing was measured since"
+    for other, said in ((load("g1").robot(), "hrp4_class"), (np.zeros(3), "shape"), (None, "state")):
+        with pytest.raises(stage.InputError, match=said):
+            shown.take(other, None)
+    assert shown.picture() is not None, "the last good state"
 
 
 # ---- walks ----------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from wbc.app.view import viser_page
 from wbc.app.view.controls import (
     LiveControls,
 )
-from wbc.app.view.marks import DCM_COLOUR, Mark, Picture, Scale
+from wbc.app.view.marks import Mark, Picture, Scale
 from wbc.app.view.viser_page import PLOT_TIME, BalancePlot, ViserPage, paint
 from wbc.app.view.workbench import Gizmo, Workbench, program_text
 
@@ -231,12 +231,12 @@ def test_the_page_moves_the_world_under_a_robot_that_it_follows_and_makes_it_thi
     assert page._root.position == (-1.0, 2.0, 0.0)
     page._follow(False)
     assert page._root.position == (0.0, 0.0, 0.0) and not page._follows
-    meshes = {body: [SimpleNamespace(opacity=None)] for body in (0, 1)}
-    page._meshes = meshes
+    page._meshes = [SimpleNamespace(body=body) for body in (0, 1)]  # type: ignore[misc]
+    page._drawn = ground, body = [SimpleNamespace(opacity=None) for _ in range(2)]
     page._see_through(True)
-    assert (meshes[0][0].opacity, meshes[1][0].opacity) == (None, 0.4)
+    assert (ground.opacity, body.opacity) == (None, 0.4)
     page._see_through(False)
-    assert meshes[1][0].opacity is None
+    assert body.opacity is None
     assert paint((0.0, 0.5, 1.0, 1.0)) == {"color": (0, 128, 255), "opacity": None}
     assert paint((0.0, 0.5, 1.0, 0.3))["opacity"] == 0.3
 
@@ -325,7 +325,7 @@ def test_plots_keep_ten_seconds_and_have_a_range_around_their_values() -> None:
     assert len(made) == 2 and len(made[0].series) == 5 == len(made[0].data)
     assert made[0].scales["y"]["range"] == pytest.approx((-0.01, 0.01))
     for now in np.arange(0.0, 15.5, 0.5):
-        plot.add(Picture(now, [Mark("dcm", "ball", np.array([[now, -2.0 * now, 0.0]]), DCM_COLOUR)]))
+        plot.add(Picture(now, points={"DCM": np.array([now, -2.0 * now])}))
     plot.show()
     assert made[0].data[0][0] == pytest.approx(15.0 - PLOT_TIME) and made[0].data[0][-1] == 15.0
     assert made[0].scales["y"]["range"] == pytest.approx((5.0 - 0.01, 15.01))

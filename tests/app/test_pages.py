@@ -22,6 +22,8 @@ from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
+from wbc.app.view.meshes import BodyMesh, Mesh
+from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
 
@@ -250,7 +252,7 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
 ) -> None:
     hours = Clock(monkeypatch, meshcat_view)
     plant = wbc.Plant(HRP4)
-    stage: Any = base.SimulatedStage(plant, None)
+    stage: Any = SimulatedStage(plant, None)
     sent: list[tuple[str, str, Any]] = []
     view = MeshcatView.__new__(MeshcatView)
 
@@ -261,7 +263,9 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     server = SimpleNamespace(busy=False, pages=[], send=lambda _, caption: told.append(caption))
     view._commands, view.closed, view.frames = Kind(), False, 2
     view.run = SimpleNamespace(stage=stage)  # type: ignore[assignment]
-    view._meshes, view._marks, view._colours, view._meanings = {1: ["a", "b"], 2: ["c"]}, {}, {}, {}
+    none, grey = Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32)), (0.5, 0.5, 0.5, 1.0)
+    view._meshes = [BodyMesh(body, grey, none) for body in (1, 1, 2)]
+    view._marks, view._colours, view._meanings = {}, dict.fromkeys(range(3), grey), {}
     view._spoken, view._orders, view._server = -math.inf, [], server  # type: ignore[assignment]
     told: list[Any] = []
 
@@ -276,7 +280,9 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     line = Mark("l", "line", np.zeros((2, 3)), DCM_COLOUR)
     picture = Picture(1.0, [ball, line], ["text"], np.array([1.0, 2.0, 9.0]), {1: DCM_COLOUR})
     view._send(picture)
-    assert [path for path, kind, _ in sent if kind == "SetProperty"] == ["a", "b"]
+    assert [path for path, kind, _ in sent if kind == "SetProperty"] == [
+        f"{meshcat_view.ROOT}/body 1/{number}" for number in range(2)
+    ]
     marks = {path.rpartition("/")[2]: on_top for path, kind, on_top in sent if kind == "mesh"}
     assert marks == {"b": True, "l": False}
     world = next(values[0] for path, _, values in sent if path == meshcat_view.ROOT)
@@ -318,7 +324,7 @@ def test_colours_and_places_are_sent_as_meshcat_takes_them() -> None:
     view._geometry, view._commands = geometry, SimpleNamespace(SetObject="object", SetTransform="move")
     sent: list[Any] = []
     view._order = lambda path, kind, *values: sent.append(values[0])  # type: ignore[method-assign]
-    mesh = base.SimulatedStage  # noqa: F841
+    mesh = SimulatedStage  # noqa: F841
     from wbc.app.view.meshes import box  # noqa: PLC0415
 
     for on_top in (False, True):

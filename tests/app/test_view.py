@@ -407,11 +407,15 @@ def test_a_described_robot_is_where_its_state_says() -> None:
     for _ in range(20):
         plant.step(plant.hold())
     for state in (robot, q):
-        picture = stage.picture(state, plant.measure())
+        stage.take(state, plant.measure())
+        picture = stage.picture()
+        assert picture is not None
         for link in ("head", robot.base_frame):
             assert stage.data.body(link).xpos == pytest.approx(robot.placement(link).translation, abs=1e-9)
         assert named(picture, "com")["com"].points[0] == pytest.approx(robot.com)
         assert len(named(picture, "ground force")) == 2 and named(picture, "zmp")
-    assert not named(stage.picture(robot, None), "zmp")
+    stage.take(robot, None)
+    picture = stage.picture()
+    assert picture is not None and not named(picture, "zmp")
     with pytest.raises(InputError, match="shape"):
-        stage.picture(q[:-1], None)
+        stage.take(q[:-1], None)

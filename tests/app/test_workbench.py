@@ -78,11 +78,10 @@ def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
         return shown[len(sent) - 1]
 
     plot = BalancePlot(SimpleNamespace(add_folder=lambda *_, **__: nullcontext(), add_uplot=add_uplot))
-    ring = np.array([(1.0, 3.0, 0.0), (3.0, 3.0, 0.0), (2.0, 6.0, 0.0), (1.0, 3.0, 0.0)])
     for now in (0.0, 1.0, 2.0, 12.5, 3.0, 3.0):  # the run goes back, and is paused
-        marks = [Mark("dcm", "ball", np.array([[now, -now, 0.1]]), DCM_COLOUR)]
-        marks += [Mark("ZMP planned", "line", ring, DCM_COLOUR)] if now == 3.0 else []
-        plot.add(Picture(now, marks))
+        points = {"DCM": np.array([now, -now, 0.1])}
+        points |= {"ZMP planned": np.array([2.0, 4.0, 0.1])} if now == 3.0 else {}
+        plot.add(Picture(now, points=points))
     plot.show()
     times, dcm, planned_dcm, zmp, planned_zmp = shown[0].data
     assert len(sent[0][1]) == len(shown[0].data)

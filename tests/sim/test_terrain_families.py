@@ -40,8 +40,8 @@ def _peaks(t: Terrain) -> Array:
             np.linspace(field.y0, field.y1, field.z.shape[0]),
         )
         return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    peaks = np.array([s.peak[:2] for s in t.shapes])
-    middles = np.array([[(s.box[0] + s.box[1]) / 2, (s.box[2] + s.box[3]) / 2] for s in t.shapes])
+    peaks = np.array([s.peak[:2] for s in t.surface.shapes])
+    middles = np.array([[(s.box[0] + s.box[1]) / 2, (s.box[2] + s.box[3]) / 2] for s in t.surface.shapes])
     return peaks + 1e-9 * (middles - peaks)
 
 
@@ -289,9 +289,9 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
     assert all(a != b for (a, *_), (b, *_) in pairwise(found))
     y = np.linspace(-0.49, 0.49, 99)[:, None]
     for name, begin, end in found:
-        peak = max(float(s.peak[2]) for s in ground.shapes if begin <= s.peak[0] <= end)
+        peak = max(float(s.peak[2]) for s in ground.surface.shapes if begin <= s.peak[0] <= end)
         assert peak == pytest.approx(0.02 if name == "boards" else 0.04, abs=1e-9)
-        kinds = {type(s).__name__ for s in ground.shapes if begin <= s.peak[0] <= end}
+        kinds = {type(s).__name__ for s in ground.surface.shapes if begin <= s.peak[0] <= end}
         assert len(kinds) == 1
         assert ground.height(np.linspace(begin, end, 200), y).max() <= peak + 1e-9
     orders = {tuple(name for name, *_ in stretches(replace(ground, seed=s))) for s in range(10)}

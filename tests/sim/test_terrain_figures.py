@@ -344,7 +344,7 @@ def test_normals_lean_against_the_slope(slope_x: float, slope_y: float) -> None:
         ground, expected = terrain("flat"), np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(ground.normal(np.array([1.0, 2.0]), 0.1), [expected] * 2, atol=1e-6)
     pyramid = terrain("pyramidal_stones", 0.02, 1, density=1.0, ramp=0.0)
-    solid: Any = pyramid.shapes[0]
+    solid: Any = pyramid.surface.shapes[0]
     x, y = solid.peak[:2]
     away = 0.1 * solid.side * np.array([math.cos(solid.yaw), math.sin(solid.yaw)])
     normals = pyramid.normal(x + np.array([away[0], -away[0]]), y + np.array([away[1], -away[1]]))

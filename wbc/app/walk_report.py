@@ -35,9 +35,7 @@ ENDS = {"completed": "walked", "stopped": "stopped", "strayed": "STRAYED", "unfi
 def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     """Return the text of a result."""
     # Of free steps none are planned.
-    steps = (
-        f"{result.steps_done} steps" if spec.free else f"{result.steps_done} of {result.steps_planned} steps"
-    )
+    steps = f"{result.steps_done} {'' if spec.free else f'of {result.steps_planned} '}steps"
     lines = [_head(result, spec), *(f"  note      {note}" for note in result.notes)]
     if result.diverged is not None:
         lines.append(f"  DIVERGED  after {steps}: {result.diverged}")

@@ -36,10 +36,8 @@ def _laid(
         shift = bond * pitch[0] * (j % 2)
         x = site.x0 + pitch[0] / 2.0 - shift
         while x - size[0] / 2.0 < site.x1 - joint:
-            a, b = (
-                max(x - size[0] / 2.0, site.x0 + joint / 2.0),
-                min(x + size[0] / 2.0, site.x1 - joint / 2.0),
-            )
+            a = max(x - size[0] / 2.0, site.x0 + joint / 2.0)
+            b = min(x + size[0] / 2.0, site.x1 - joint / 2.0)
             if b - a > SHORTEST_CUT * size[0]:
                 places.append(((a + b) / 2.0, float(y), b - a))
             x += pitch[0]

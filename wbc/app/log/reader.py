@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from pyarrow import ipc
 
 from wbc.app.log.header import decode
-from wbc.app.log.signals import Kind, Signal
+from wbc.app.log.signals import QUATERNION, WRENCH, XY, XYZ, Kind, Signal
 from wbc.app.log.writer import LARGEST_BATCH, MAGIC, TYPES
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
 from wbc.base.numbers import Array
 
-AXES = {2: "xy", 3: "xyz", 4: "xyzw", 6: ("fx", "fy", "fz", "mx", "my", "mz")}
+AXES = {2: XY, 3: XYZ, 4: QUATERNION, 6: WRENCH}
 """Number of a vector's parts → their names: a point or a direction, a quaternion, a wrench."""
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.header import make_header
-from wbc.app.log.signals import Read, Signal, Signals, Tick
+from wbc.app.log.signals import XY, XYZ, Read, Signal, Signals, Tick
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
 from wbc.base.checked import checked
@@ -212,7 +212,7 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
         flag = isinstance(first, (bool, np.bool_))
         signals.one(name, signal.unit, signal.about, read, "text" if text else "flag" if flag else "double")
         return
-    parts = {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
+    parts = {2: XY, 3: XYZ}.get(shape[0]) or tuple(map(str, range(shape[0])))
     signals.group(name, parts, signal.unit, signal.about, read, "double")
 
 

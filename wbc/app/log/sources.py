@@ -22,7 +22,6 @@ from wbc.app.log.signals import (
     WRENCH_UNITS,
     XY,
     XYZ,
-    Read,
     Signals,
     Tick,
     TickPart,
@@ -226,8 +225,10 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     if robot.soles:
         balance = TickPart(cached(_balance))
         own = balance(lambda b: b[0])
-        zmp: Read = lambda t: own(t) if t.output is None else t.output.measured_zmp  # noqa: E731
-        group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", zmp)
+        about = "of the measured foot wrenches, world"
+        group(
+            "zmp/measured", XYZ, "m", about, lambda t: own(t) if t.output is None else t.output.measured_zmp
+        )
         if tick.walking is None:
             group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
 
@@ -249,15 +250,15 @@ def _balance(tick: Tick) -> tuple[Array, Array] | None:
 
 def _add_outside(signals: Signals, tick: Tick) -> None:
     """Describe the outside wrench of an observer that estimates it, and the load of a walk that carries one."""
+    outside = TickPart[Any](lambda t: t.drives)(lambda d: d.observer.outside.wrench)
     about = (
         "of the surroundings besides the ground, without the load that the models carry; about the CoM, world"
     )
-    outside: Read = lambda t: cast(Any, t.drives).observer.outside.wrench  # noqa: E731
     signals.group("outside/wrench", WRENCH, WRENCH_UNITS, about, outside)
     if tick.walking is not None and tick.walking.load is not None:
-        signals.one("load/mass", "kg", "as estimated", lambda t: cast(Any, t.walking).load.mass)
-        place: Read = lambda t: cast(Any, t.walking).load.place  # noqa: E731
-        signals.group("load/place", XYZ, "m", "as estimated, world", place)
+        load = TickPart[Any](lambda t: None if t.walking is None else t.walking.load)
+        signals.one("load/mass", "kg", "as estimated", load(lambda m: m.mass))
+        signals.group("load/place", XYZ, "m", "as estimated, world", load(lambda m: m.place))
 
 
 def _add_measurement(signals: Signals, tick: Tick) -> None:
@@ -301,7 +302,7 @@ def _add_wrenches(
     signals: Signals, names: Sequence[str], about: str, read: Callable[[Tick], Array | None]
 ) -> None:
     parts = [f"{name}/{axis}" for name in names for axis in WRENCH]
-    flat: Read = lambda t: None if (wrenches := read(t)) is None else wrenches.ravel()  # noqa: E731
+    flat = TickPart(read)(lambda wrenches: wrenches.ravel())
     signals.each(parts, WRENCH_UNITS * len(names), about, flat)
 
 
@@ -333,8 +334,8 @@ def _add_solver(signals: Signals, tick: Tick) -> None:
     solved = TickPart(lambda t: t.solution)
     one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
     one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
-    failures: Read = lambda t: 0 if t.drives is None else t.drives.failures  # noqa: E731
-    one("solver/failures", "1", "failed ticks so far", failures, "whole")
+    about = "failed ticks so far"
+    one("solver/failures", "1", about, lambda t: 0 if t.drives is None else t.drives.failures, "whole")
     parts, about = ("model", "assembly", "solve", "decode"), "wall time of a part of the controller's tick"
     signals.group("tick", parts, "s", about, solved(lambda s: s.timings))
     if tick.solution is None:

@@ -140,10 +140,8 @@ def furniture_signals(plant: Plant) -> list[tuple[str, str, int]]:
     import mujoco  # noqa: PLC0415 - a plant has imported it
 
     model, kinds, found = plant.model, mujoco.mjtJoint, dict[str, tuple[str, int]]()
-    place, turn = (
-        [(f"position/{axis}", "m") for axis in XYZ],
-        [(f"orientation/{axis}", "1") for axis in "wxyz"],
-    )
+    place = [(f"position/{axis}", "m") for axis in XYZ]
+    turn = [(f"orientation/{axis}", "1") for axis in "wxyz"]
     parts = {
         kinds.mjJNT_FREE: place + turn,
         kinds.mjJNT_BALL: turn,

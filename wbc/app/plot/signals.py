@@ -88,9 +88,8 @@ def _draw_numbers(ax: Axes, logs: Sequence[Log], names: Sequence[str]) -> None:
             style = STYLES[(k // len(COLOURS) if len(logs) == 1 or by_log else j) % len(STYLES)]
             shown = label if by_log and len(logs) > 1 else name if len(logs) == 1 else f"{name}, {label}"
             values = log[name]
-            isolated = (
-                np.isfinite(values) & ~np.isfinite(np.roll(values, 1)) & ~np.isfinite(np.roll(values, -1))
-            )
+            known = np.isfinite(values)
+            isolated = known & ~np.roll(known, 1) & ~np.roll(known, -1)
             marker = "." if isolated.any() else ""  # values once a step
             ax.plot(
                 log.time,

@@ -16,7 +16,7 @@ import numpy as np
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, mark_mesh
+from wbc.app.view.marks import Mark, mark_mesh, repainted
 from wbc.app.view.meshes import Mesh, body_meshes
 from wbc.robots.mechanism import Colour
 
@@ -93,10 +93,10 @@ class FoxgloveFile:
                 )
             places.log(messages.FrameTransforms(transforms=transforms), log_time=log_time)
             shapes = []
-            for number, (body, own, mesh) in enumerate(meshes):
-                if painted.get(number) != (colour := picture.colours.get(body, own)):
-                    painted[number], name = colour, f"{names[body]}/{number}"
-                    shapes.append(self._entity(name, names[body], mesh, colour, locked=True))
+            for number, colour in repainted(painted, meshes, picture.colours):
+                frame = names[meshes[number].body]
+                shape = self._entity(f"{frame}/{number}", frame, meshes[number].mesh, colour, locked=True)
+                shapes.append(shape)
             if shapes:
                 robot.log(messages.SceneUpdate(entities=shapes), log_time=log_time)
             marks.log(self._scene([m for m in picture.marks if m.kind != "cloud"]), log_time=log_time)

@@ -92,7 +92,7 @@ class Replay:
             self._wrenches = [log.vector(f"foot/{side}/wrench_measured", 6) for side in SIDES]
             push = "truth/push/point/x" in log
             self._push = (
-                (log.vector("truth/push/point", 3), log.vector("truth/push/force", 3)) if push else None
+                [log.vector(f"truth/push/{part}", 3) for part in ("point", "force")] if push else None
             )
             self._stances = stances(log, "truth", drift) if _shows_walk(log) else []
             self._marks = list(_walk_marks(log, drift, self._stances))
@@ -124,7 +124,7 @@ class Replay:
     def picture(self, tick: Ordinal) -> Picture:
         """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
-        Furniture of a log that was recorded before its places were stays where it was at the start. Forces are those of
+        Furniture whose places the log does not have stays where it was at the start. Forces are those of
         the foot sensors. A tick that the log does not have is an `InputError`.
         """
         if tick >= len(self):
@@ -155,10 +155,8 @@ class Replay:
 
     def _tell(self, now: Instant, tick: int) -> None:
         """Add to an instant what is said of its tick: program, phase, drift and last event."""
-        state, phase, side = (
-            self._texts[name][tick] if name in self._texts else None
-            for name in ("program/state", "walk/phase", "step/side")
-        )
+        told = {name: texts[tick] for name, texts in self._texts.items()}
+        state, phase, side = map(told.get, ("program/state", "walk/phase", "step/side"))
         now.program = None if state is None else str(state)
         if phase is not None:
             now.walking = Walking(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick])))

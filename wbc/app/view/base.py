@@ -11,12 +11,10 @@ import socket
 import sys
 import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
 from wbc.app.view.shown import ShownRun
-from wbc.app.view.stage import SimulatedStage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
 from wbc.base.numbers import Array
@@ -134,7 +132,7 @@ class View(TrialHook, ABC):
             self._open(free_port(self._port))
             self._opened = True
         self._build()
-        self._show_last()
+        self._show()
         if opens and self.url:
             told = f"live view: {self.url} (of this machine alone; from another: ssh -L)"
             print(told, file=sys.stderr, flush=True)
@@ -190,7 +188,7 @@ class View(TrialHook, ABC):
     def _send(self, picture: Picture) -> None:
         """Show a picture."""
 
-    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:  # noqa: B027 - a page may give none
+    def _take_orders(self, time: float) -> None:  # noqa: B027 - a page may give none
         """Carry out what the page has ordered before a tick at a time (s), and wait while it holds the run."""
 
     @abstractmethod
@@ -211,36 +209,19 @@ class View(TrialHook, ABC):
         """
         if self.closed:
             raise ViewError(CLOSED)
-        stage = self.run.stage
-        if isinstance(stage, SimulatedStage) is not (state is None):
-            raise InputError(
-                "a view of a simulation reads its state itself: update(); a view of a description needs update(robot)"
-            )
-        now = self._pace.time if measurement is None else measurement.time
-        if isinstance(stage, SimulatedStage):
-            now = stage.robot.time
-
-        def picture() -> Picture:
-            if isinstance(stage, SimulatedStage):
-                return stage.picture()
-            assert state is not None
-            return stage.picture(state, measurement)
-
-        self._take_orders(now, picture)
+        now = self.run.stage.take(state, measurement)
+        self._take_orders(now)
         self._pace.wait(now, self.speed)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
-            self._show(picture())
+            self._show()
 
-    def _show_last(self) -> None:
-        """Show the present state of a simulation."""
-        if isinstance(stage := self.run.stage, SimulatedStage):
-            self._show(stage.picture())
-
-    def _show(self, picture: Picture) -> None:
-        self.frames += 1
-        self.run.add_texts(picture)
-        self._send(picture)
+    def _show(self) -> None:
+        """Show the present state, of a described robot that which was given last; nothing before one was."""
+        if (picture := self.run.stage.picture()) is not None:
+            self.frames += 1
+            self.run.add_texts(picture)
+            self._send(picture)
 
     def ended(self, how: str) -> bool:
         """Say on the page, from the next picture on, how the run has ended; True if the page asks for a restart."""
@@ -258,10 +239,10 @@ class View(TrialHook, ABC):
         return self.pages > 0
 
     def close(self) -> None:
-        """Show the last state of a simulation and end the view; the page keeps its picture."""
+        """Show the last state and end the view; the page keeps its picture."""
         if self._opened and not self.closed:
             self.closed = True
-            self._show_last()
+            self._show()
             self._end()
 
     def _repr_html_(self) -> str:

@@ -35,6 +35,8 @@ from wbc.core.qp.controller import Controller
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.push import push_along
+from wbc.tasks.scheduling.policies import FixedPolicy
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
@@ -263,9 +265,6 @@ class LiveControls:
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
 
     def _set_stiffness(self, value: float) -> None:
-        from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
-        from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - few runs need it
-
         policy, walking = FixedPolicy(self._plant.foot.actuator.check(value)), self._walking
         if walking.stiffness is None:
             walking.stiffness = StiffnessScheduler(walking.controller.robot, self._plant.foot, policy)

@@ -8,14 +8,14 @@ Rerun draw the triangles of a mark.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.meshes import Mesh, ball, lathe
+from wbc.app.view.meshes import BodyMesh, Mesh, ball, lathe
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
@@ -95,6 +95,7 @@ class Picture:
         text: Lines of text.
         target: Point that the camera follows, shape (3,), m.
         colours: Colours of bodies that differ from the model's.
+        points: Balance points in the world, shape (2,) or (3,), m: "ZMP", "DCM", "ZMP planned", "DCM planned".
     """
 
     time: float
@@ -102,6 +103,7 @@ class Picture:
     text: list[str] = field(default_factory=list)
     target: Array = field(default_factory=lambda: np.zeros(3))
     colours: dict[int, Colour] = field(default_factory=dict)
+    points: dict[str, Array] = field(default_factory=dict)
 
 
 class Force(NamedTuple):
@@ -125,6 +127,10 @@ class Walking(NamedTuple):
     phase: str
     swing: str | None
     steps_done: int
+
+    def __str__(self) -> str:
+        swings = f", {self.swing} foot swings" if self.phase == "single support" and self.swing else ""
+        return f"{self.phase}{swings}, {self.steps_done} steps done"
 
 
 @dataclass(eq=False)
@@ -171,16 +177,16 @@ def draw(scale: Scale, now: Instant) -> Picture:
     picture = Picture(now.time, target=now.com if now.target is None else now.target)
     picture.marks += balance_marks(scale, now.com, now.zmp, now.dcm, now.level, now.support)
     picture.marks += force_marks(scale, now.forces)
-    picture.marks += [
-        ring(name, PLANNED[name], point, scale)
-        for name, point in now.planned.items()
-        if np.isfinite(point).all()
-    ]
+    planned = {name: point for name, point in now.planned.items() if np.isfinite(point).all()}
+    picture.marks += [ring(name, PLANNED[name], point, scale) for name, point in planned.items()]
+    true = {"ZMP": now.zmp, "DCM": now.dcm}
+    picture.points = {name: point for name, point in true.items() if point is not None}
+    picture.points |= {f"{name} planned": point for name, point in planned.items()}
     picture.marks += now.marks
     if now.program is not None:
         picture.text.append(now.program)
     if now.walking is not None:
-        picture.text.append(walk_text(*now.walking))
+        picture.text.append(str(now.walking))
     picture.text += now.text
     for bodies, value in zip(now.soles, now.stiffness, strict=True):
         if math.isfinite(value):
@@ -278,12 +284,6 @@ def ring(name: str, colour: Colour, centre: Array, scale: Scale) -> Mark:
     )
 
 
-def walk_text(phase: str, swing: str | None, steps_done: int) -> str:
-    """Return phase and steps of a walk as a line of text."""
-    swings = f", {swing} foot swings" if phase == "single support" and swing else ""
-    return f"{phase}{swings}, {steps_done} steps done"
-
-
 def stiffness_colour(stiffness: float) -> Colour:
     """Return the colour of a sole, Nm/rad: from soft to stiff on a logarithmic scale."""
     share = min(1.0, math.log1p(max(0.0, stiffness)) / math.log1p(STIFFEST))
@@ -315,6 +315,19 @@ def changes(shown: dict[str, Mark], marks: Sequence[Mark]) -> Iterator[tuple[str
         if mark.name not in shown or not mark.looks_like(shown[mark.name]):
             shown[mark.name] = mark
             yield mark.name, mark
+
+
+def repainted(
+    shown: dict[int, Colour], meshes: Sequence[BodyMesh], bodies: Mapping[int, Colour]
+) -> Iterator[tuple[int, Colour]]:
+    """Yield number and colour of each mesh to be painted anew: that of its body, or its own; bring `shown` up to date.
+
+    `bodies` are the colours of a picture; `shown` has those of the meshes as a page shows them, by their numbers.
+    """
+    for number, (body, own, _) in enumerate(meshes):
+        if shown.get(number) != (colour := bodies.get(body, own)):
+            shown[number] = colour
+            yield number, colour
 
 
 # ---- shapes ---------------------------------------------------------------------------------------------------------

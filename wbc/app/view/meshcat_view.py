@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
-from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
+from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh, repainted
 from wbc.app.view.meshes import Mesh, body_meshes
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
@@ -52,14 +52,12 @@ class MeshcatView(View):
         eye = [1.9 * height, 0.5 * height, 1.9 * height]
         self._order("/Cameras/default/rotated/<object>", properties, "position", eye)
         self._marks: dict[str, Mark] = {}
-        self._colours: dict[int, Colour] = {}
         self._meanings: dict[str, Colour] = {}
         self._spoken = -math.inf  # clock of the last caption
-        self._meshes: dict[int, list[str]] = {}  # path of each mesh of a body
-        for number, (body, colour, mesh) in enumerate(body_meshes(self.run.stage.model)):
-            path = f"{ROOT}/body {body}/{number}"
-            self._meshes.setdefault(body, []).append(path)
-            self._set_mesh(path, mesh, colour)
+        self._meshes = body_meshes(self.run.stage.model)
+        self._colours = {number: mesh.colour for number, mesh in enumerate(self._meshes)}
+        for number, (body, colour, mesh) in enumerate(self._meshes):
+            self._set_mesh(f"{ROOT}/body {body}/{number}", mesh, colour)
         self._post(None)
 
     def _post(self, caption: str | None) -> None:
@@ -76,13 +74,11 @@ class MeshcatView(View):
         if self._server.busy and self.frames > 1 and not self.closed:
             return
         stage, data = self.run.stage, self.run.stage.data
-        for body in self._meshes:
+        for body in {mesh.body for mesh in self._meshes}:
             self._move(f"{ROOT}/body {body}", data.xpos[body], data.xmat[body].reshape(3, 3))
-        for body, colour in picture.colours.items():
-            if self._colours.get(body) != colour:
-                self._colours[body] = colour
-                for path in self._meshes.get(body, ()):
-                    self._order(path, self._commands.SetProperty, "color", list(colour))
+        for number, colour in repainted(self._colours, self._meshes, picture.colours):
+            path = f"{ROOT}/body {self._meshes[number].body}/{number}"
+            self._order(path, self._commands.SetProperty, "color", list(colour))
         for name, mark in changes(self._marks, picture.marks):
             path = f"{ROOT}/mark/{name}"
             if mark is None:

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from wbc.app.view.base import LOCAL, View, ViewError, free_port
-from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
+from wbc.app.view.marks import Mark, Picture, changes, mark_mesh, repainted
 from wbc.app.view.meshes import Mesh, body_meshes, normals
 from wbc.app.view.stage import Stage
 from wbc.robots.mechanism import Colour
@@ -38,14 +38,11 @@ class RerunScene:
         self._stream, self._data = stream, stage.data
         self._shown: dict[str, Mark] = {}
         self._names = {0: "ground"}
-        self._colours: dict[str, tuple[int, Colour]] = {}  # of shapes, with their bodies
-        self._painted: dict[str, Colour] = {}
+        self._meshes, self._colours = body_meshes(stage.model), dict[int, Colour]()
         stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for number, (body, colour, mesh) in enumerate(body_meshes(stage.model)):
+        for number, (body, _, mesh) in enumerate(self._meshes):
             place = f"robot/{plain(stage.model.body(body).name or str(body))}"
-            name = f"{self._names.setdefault(body, place)}/{number}"
-            self._colours[name] = body, colour
-            stream.log(name, self._mesh(mesh), static=True)
+            stream.log(f"{self._names.setdefault(body, place)}/{number}", self._mesh(mesh), static=True)
 
     def draw(self, picture: Picture) -> None:
         """Write places of bodies, and the colours and marks that have changed."""
@@ -54,10 +51,9 @@ class RerunScene:
             if body > 0:
                 turn, place = np.roll(self._data.xquat[body], -1), self._data.xpos[body]  # to xyzw
                 self._stream.log(name, self._rerun.Transform3D(quaternion=turn, translation=place))
-        for name, (body, own) in self._colours.items():
-            if self._painted.get(name) != (colour := picture.colours.get(body, own)):
-                self._painted[name] = colour
-                self._stream.log(name, self._rerun.Mesh3D.from_fields(albedo_factor=tint(colour)))
+        for number, colour in repainted(self._colours, self._meshes, picture.colours):
+            painted = self._rerun.Mesh3D.from_fields(albedo_factor=tint(colour))
+            self._stream.log(f"{self._names[self._meshes[number].body]}/{number}", painted)
         for name, mark in changes(self._shown, picture.marks):
             gone = self._rerun.Clear(recursive=False)
             drawn = gone if mark is None else self._mesh(mark_mesh(mark), albedo_factor=tint(mark.colour))

@@ -59,6 +59,12 @@ class SimulatedStage:
         if isinstance(robot, Plant) and all(self._soles):
             self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
 
+    def take(self, state: object, read: object) -> float:
+        """Return the simulated time, s; `InputError` for a state, which a simulation has itself."""
+        if state is not None:
+            raise InputError("a view of a simulation reads its state itself: update() without a state")
+        return self.robot.time
+
     def picture(self) -> Picture:
         """Return the present picture."""
         robot, truth, data = self.robot, self.robot.truth(), self.robot.data
@@ -100,21 +106,37 @@ class DescribedStage:
         self.places = RobotPlaces(self.model, self.robot)
         self.floor = float(ground.surface.floor)
         self.scale = Scale(float(self.robot.com[2]), self.robot.mass * GRAVITY)
+        self._state: Robot | Array | None = None
+        self._read: Measurement | None = None
+        self._time = 0.0
+
+    def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
+        """Take a robot, or a configuration (nq,), and what its soles measure; return the time measured last, s."""
+        own = self.robot
+        if state is None:
+            raise InputError("a view of a description needs the state to show: update(robot)")
+        if not isinstance(state, Robot):
+            state = finite_array("configuration to show", state, (own.nq,))
+        elif state.model.nq != own.model.nq or state.model.nframes != own.model.nframes:
+            raise InputError(f"the view shows '{own.name}', not {state!r}")
+        self._state, self._read = state, read
+        self._time = self._time if read is None else read.time
+        return self._time
 
     def show(self, q: Array) -> None:
         """Put the bodies where they are in a configuration, shape (nq,)."""
         self.places.set_configuration(q, self.data.qpos)
         mujoco.mj_kinematics(self.model, self.data)
 
-    def picture(self, state: Robot | Array, read: Measurement | None) -> Picture:
-        """Return the picture of a robot, or configuration (nq,); time and forces of the soles are those measured."""
-        robot = self.robot
+    def picture(self) -> Picture | None:
+        """Return the picture of the state that was taken last, with the forces on its soles; None before one was."""
+        robot, state, read = self.robot, self._state, self._read
+        if state is None:
+            return None
         if isinstance(state, Robot):
-            if state.model.nq != robot.model.nq or state.model.nframes != robot.model.nframes:
-                raise InputError(f"the view shows '{robot.name}', not {state!r}")
             robot = state
         else:
-            robot.update(finite_array("configuration to show", state, (robot.nq,)), np.zeros(robot.nv))
+            robot.update(state, np.zeros(robot.nv))
         self.show(robot.q)
         total, level, forces = np.zeros(6), self.floor, []
         if read is not None and read.sole_wrench is not None:
@@ -123,10 +145,8 @@ class DescribedStage:
             for place, wrench in zip(places, read.sole_wrench, strict=True):
                 forces += sole_force(place.translation, place.rotation, wrench)
             level = min(float(place.translation[2]) for place in places)
-        time = 0.0 if read is None else read.time
-        return draw(
-            self.scale, Instant(time, np.array(robot.com), level, zmp_of(total, level), forces=forces)
-        )
+        zmp = zmp_of(total, level)
+        return draw(self.scale, Instant(self._time, np.array(robot.com), level, zmp, forces=forces))
 
 
 def sole_bodies(robot: MujocoRobot) -> list[list[int]]:

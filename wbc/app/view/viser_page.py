@@ -14,7 +14,17 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
-from wbc.app.view.marks import DCM_COLOUR, ZMP_COLOUR, Mark, Picture, changes, css, legend, mark_mesh
+from wbc.app.view.marks import (
+    DCM_COLOUR,
+    ZMP_COLOUR,
+    Mark,
+    Picture,
+    changes,
+    css,
+    legend,
+    mark_mesh,
+    repainted,
+)
 from wbc.app.view.meshes import body_meshes
 from wbc.app.view.page_guard import PageGuard
 from wbc.app.view.stage import Stage
@@ -27,8 +37,8 @@ ROOT = "/wbc"
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 """Choices of the speed, multiples of real time."""
 
-PLOTTED = {"dcm": ("DCM", DCM_COLOUR), "zmp": ("ZMP", ZMP_COLOUR)}
-"""Marks that are plotted over time: label and colour; of those as planned the rings, with dashes."""
+PLOTTED = {"DCM": DCM_COLOUR, "DCM planned": DCM_COLOUR, "ZMP": ZMP_COLOUR, "ZMP planned": ZMP_COLOUR}
+"""Points of a picture that are plotted over time; those as planned with dashes."""
 
 PLOT_TIME = 10.0
 """Time that the plots show, s."""
@@ -85,14 +95,14 @@ class ViserPage:
         self._root = scene.add_frame(ROOT, show_axes=False)
         scene.add_grid(f"{ROOT}/grid", 40.0, 40.0, position=(0.0, 0.0, stage.floor))
         self._frames: dict[int, Any] = {}
-        self._meshes: dict[int, list[Any]] = {}
-        for number, (body, colour, mesh) in enumerate(body_meshes(stage.model)):
+        self._meshes, self._drawn = body_meshes(stage.model), list[Any]()
+        for number, (body, colour, mesh) in enumerate(self._meshes):
             if body not in self._frames:
                 self._frames[body] = scene.add_frame(f"{ROOT}/body {body}", show_axes=False)
             name, shadow = f"{ROOT}/body {body}/{number}", body > 0
             made = scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **paint(colour), cast_shadow=shadow)
-            self._meshes.setdefault(body, []).append(made)
-        self._colours: dict[int, Colour] = {}
+            self._drawn.append(made)
+        self._colours = {number: mesh.colour for number, mesh in enumerate(self._meshes)}
         self._marks: dict[str, Mark] = {}
         self._nodes: dict[str, Any] = {}  # of marks
         self.text(lambda: self._said)
@@ -109,11 +119,8 @@ class ViserPage:
             for body, frame in self._frames.items():
                 if body > 0:
                     frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
-            for body, colour in picture.colours.items():
-                if self._colours.get(body) != colour:
-                    self._colours[body] = colour
-                    for mesh in self._meshes.get(body, ()):
-                        mesh.color = paint(colour)["color"]
+            for number, colour in repainted(self._colours, self._meshes, picture.colours):
+                self._drawn[number].color = paint(colour)["color"]
             for name, mark in changes(self._marks, picture.marks):
                 if mark is None:
                     self._nodes.pop(name).remove()
@@ -143,9 +150,9 @@ class ViserPage:
         self._root.position = (-x, -y, 0.0)
 
     def _see_through(self, on: bool) -> None:
-        for body, meshes in self._meshes.items():
-            for mesh in meshes if body > 0 else ():
-                mesh.opacity = 0.4 if on else None
+        for mesh, drawn in zip(self._meshes, self._drawn, strict=True):
+            if mesh.body > 0:
+                drawn.opacity = 0.4 if on else None
 
     # ---- the panel --------------------------------------------------------------------------------------------------
 
@@ -178,9 +185,9 @@ class BalancePlot:
         from viser import uplot  # noqa: PLC0415 - an extra
 
         lines = [uplot.Series(label="time (s)")]
-        for label, colour in PLOTTED.values():
-            lines.append(uplot.Series(label=label, stroke=css(colour), width=2.0))
-            lines.append(uplot.Series(label=f"{label}, planned", stroke=css(colour), width=1.0, dash=(6, 4)))
+        for name, colour in PLOTTED.items():
+            how = {"width": 1.0, "dash": (6, 4)} if "planned" in name else {"width": 2.0}
+            lines.append(uplot.Series(label=name, stroke=css(colour), **how))
         self._scale = uplot.Scale
         self._rows: deque[tuple[float, Array]] = deque()
         with gui.add_folder("DCM and ZMP over time", expand_by_default=False):
@@ -195,13 +202,8 @@ class BalancePlot:
         """Take over the points of a picture; they replace those of its time and, after a step back, of later ones."""
         while self._rows and picture.time <= self._rows[-1][0]:
             self._rows.pop()
-        points = {mark.name: mark.points for mark in picture.marks}
-        row = np.full((2 * len(PLOTTED), 2), math.nan)
-        for k, (name, (label, _)) in enumerate(PLOTTED.items()):
-            if name in points:
-                row[2 * k] = points[name][0, :2]
-            if (ring := points.get(f"{label} planned")) is not None:
-                row[2 * k + 1] = ring[:-1, :2].mean(axis=0)
+        unknown = np.full(2, math.nan)
+        row = np.array([picture.points.get(name, unknown)[:2] for name in PLOTTED])
         self._rows.append((picture.time, row))
         while self._rows[0][0] < picture.time - PLOT_TIME:
             self._rows.popleft()
@@ -214,7 +216,7 @@ class BalancePlot:
     def _data(self, axis: int) -> tuple[Array, ...]:
         """Return times and the values of each line along an axis."""
         times = np.array([time for time, _ in self._rows])
-        values = np.array([row[:, axis] for _, row in self._rows]).reshape(len(times), 2 * len(PLOTTED))
+        values = np.array([row[:, axis] for _, row in self._rows]).reshape(len(times), len(PLOTTED))
         return (times, *values.T)
 
     def _scales(self, axis: int) -> dict[str, Any]:

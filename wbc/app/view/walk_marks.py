@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -38,7 +39,7 @@ class WalkMarks:
         self._real: dict[int, Mark] = {}
         self._standing: dict[str, int] = {}  # side → number of its stance
         self._stances = 0
-        self._scans: list[Mark] = []
+        self._scans, self._scan = deque[Mark](maxlen=MAX_STEPS), 0
         self._scanned: object = None  # last step of the scheduler that has been looked at
         self._map_version, self._map_time, self._map = -1, -math.inf, np.empty((0, 3))
 
@@ -88,8 +89,9 @@ class WalkMarks:
         if soles is not None and soles.steps and soles.steps[-1] is not self._scanned:
             self._scanned, profile = soles.steps[-1], soles.steps[-1].profile
             if profile is not None:
-                self._scans.append(scan_mark(len(self._scans), drift(profile.points, 0)))
-        now.marks += self._scans[-MAX_STEPS:]
+                self._scans.append(scan_mark(self._scan, drift(profile.points, 0)))
+                self._scan += 1
+        now.marks += self._scans
         if ground is None:
             return
         if ground.version != self._map_version and not 0.0 <= now.time - self._map_time < MAP_PERIOD:

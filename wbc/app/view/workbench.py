@@ -66,13 +66,13 @@ class Workbench(View):
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
-    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
+    def _take_orders(self, time: float) -> None:
         self.controls.update(time)
         attended = self._attended
         if self.controls.interventions and not self.pages:
             self.controls.halt()  # nobody is left who could
         if self._paused:
-            self._show(picture())
+            self._show()
         while self._paused and attended:
             attended = self._attended
             clock.sleep(PAUSE_TICK)
@@ -83,7 +83,7 @@ class Workbench(View):
     def ended(self, how: str) -> bool:
         """Show on the page how the run has ended; return True if the user asks for a restart, False otherwise."""
         answers: deque[bool] = deque()
-        self._show_last()
+        self._show()
         with (folder := self._gui.add_folder("the run has ended", order=-2.0)):
             self._gui.add_html(text_html(how))
             when(self._gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
