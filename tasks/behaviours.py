@@ -129,9 +129,9 @@ class Behaviour:
             outcomes: Further outcomes and their conditions, which are checked in this order.
             timeout: Time after which the state ends with the outcome "timeout", s.
         """
-        if not name or "/" in name or name.startswith(END):
+        if not name or "/" in name or name.partition(":")[0] == END:
             raise InputError(
-                f"the name of a state must be text without '/' that does not begin with '{END}', got {shown(name)}"
+                f"the name of a state must be text without '/', and not '{END}' or '{END}: …', got {shown(name)}"
             )
         self.name = name
         self.timeout = timeout

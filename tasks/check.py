@@ -13,6 +13,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.collision import CollisionLimit
+from wbc.core.limits.joint import TorqueLimits
 from wbc.core.limits.pairs import random_joints
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.items import bind
@@ -75,10 +76,6 @@ def check_rows(
         raise InputError(
             f"rows along the axes of '{frame}' must come in threes, '{item.name}' has {item.dim}"
         )
-    if isinstance(item, Contact) and (item.cone.ndim != 2 or item.cone.shape[1] != item.dim):
-        raise InputError(
-            f"cone of contact '{item.name}' must have shape (rows, {item.dim}), got {item.cone.shape}"
-        )
     item = copy.deepcopy(item)  # its filters and integrators stay as they are
     q, v = _random_state(robot, random)
     robot.update(q, v)
@@ -111,7 +108,8 @@ def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Genera
         if isinstance(limit, Barrier) and not isinstance(limit, CollisionLimit):
             _check_barrier(limit, robot, q, v)
         robot.update(q, v)
-        rows = np.full((limit.dim, robot.nv), np.nan)
+        # Those of torque limits are the torques of the QP.
+        rows = np.full((limit.dim, robot.nv), 1.0 if isinstance(limit, TorqueLimits) else np.nan)
         lower, upper = np.full(limit.dim, np.nan), np.full(limit.dim, np.nan)
         limit.write(dt, rows, lower, upper)
         still = ~np.abs(rows).any(axis=1)

@@ -174,10 +174,10 @@ class PostureTask(JointTask, SelectionTask):
         return bool((abs(error) <= near[joints]).all() and (abs(speed) <= slow).all())
 
     def _parts(self) -> list[tuple[str, Any]]:
-        """Units and rows of the joints that turn and of those that slide."""
+        """Units and rows of the joints that slide and of those that turn."""
         if self._slides is None or not self._slides.any():
             return super()._parts()
-        parts = [("rad", np.flatnonzero(~self._slides)), ("m", np.flatnonzero(self._slides))]
+        parts = [("m", np.flatnonzero(self._slides)), ("rad", np.flatnonzero(~self._slides))]
         return [(unit, rows) for unit, rows in parts if rows.size]
 
     def _usual_speed(self) -> Array:

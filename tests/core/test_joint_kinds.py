@@ -32,6 +32,32 @@ def test_an_angle_is_a_tenth_of_a_metre_per_rad_for_a_joint_that_slides() -> Non
     np.testing.assert_allclose(robot.per_rad, np.where(slides, 0.1, 1.0))
 
 
+@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("joints", [(), (FINGER,), ("panda_joint2", FINGER)])
+def test_reports_of_postures_know_joints_that_turn_and_joints_that_slide(
+    joints: tuple[str, ...], hard: bool
+) -> None:
+    """A posture at its target is held back by nothing; one that is moved has an error in m and another in rad."""
+    controller, task = gripping(*joints, hard=hard)
+    solver = wbc.InverseKinematics(load("panda").robot(), 0.005)
+    posture = solver.add(PostureTask(joints=list(joints) or None, hard=hard, weight=1.0))
+    controller.solve()
+    assert "posture" in controller.status_table()
+    assert not controller.held_back() and not task.held_back_by
+    solver.step()
+    assert not solver.held_back() and not posture.held_back_by
+    robot = solver.robot
+    robot.q[:] = robot.configuration({"panda_joint2": 0.3, FINGER: 0.01})
+    robot.update(robot.q, robot.v)
+    found = solver.reach()
+    assert found.reached and len(found.errors["posture"]) == (1 if joints == (FINGER,) else 2)
+    robot.update(found.configuration, robot.v)
+    posture.target = {FINGER: 0.03}
+    sizes = {unit: size for unit, _, size in posture.sizes(posture.target - posture.present(robot))}
+    assert sizes["m"] == pytest.approx(abs(0.03 - robot.q[robot.joint_index(FINGER)]))
+    assert sizes.get("rad", 0.0) == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("off", "speed", "reached"),
     [(0.038, 0.0, False), (0.006, 0.0, False), (0.003, 0.0, True), (0.0, 0.03, False), (0.0, 0.01, True)],

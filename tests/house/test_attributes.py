@@ -98,6 +98,10 @@ OBJECTS: dict[str, Callable[[], Any]] = {
 }
 
 
+SOLVERS = ("controller", "inverse kinematics")
+DRIVES = ("position control", "torque control", "hybrid control")
+
+
 def made(what: str, *, added: bool) -> tuple[Any, Any]:
     """Return an object, and what keeps it alive."""
     if what in OBJECTS:
@@ -182,14 +186,44 @@ def test_an_attribute_that_is_assigned_as_it_is_read_changes_nothing(what: str, 
             assert {each: state(read(thing, each)) for each in names} == seen, f"{name} of {what}"
 
 
-@pytest.mark.parametrize("what", [*ITEMS, "controller", "inverse kinematics"])
+@pytest.mark.parametrize("what", [*ITEMS, *SOLVERS, *DRIVES])
 def test_an_option_is_checked_or_refused_where_it_is_assigned(what: str) -> None:
     thing, kept = made(what, added=True)
     options = [*inspect.signature(type(thing).__init__).parameters][1:]
     assert kept and options
     for name in set(options) - {"name", "args", "options", "kwargs"}:
+        if what in DRIVES and not hasattr(thing, name):
+            continue  # of another object: the failure policy is that of the record
         with pytest.raises((WbcError, AttributeError)):
             setattr(thing, name, object())
+        for value in ("nonsense", np.ones(3), np.nan) if what in DRIVES else ():
+            with pytest.raises(InputError):
+                setattr(thing, name, value)
+
+
+@pytest.mark.parametrize("name", ["settings", "robot"])
+def test_an_observer_has_the_settings_and_the_robot_with_which_its_filters_were_made(name: str) -> None:
+    observer = wbc.Observer(balancing().robot)
+    with pytest.raises(InputError, match=f"{name} .*another observer"):
+        setattr(observer, name, getattr(observer, name))
+
+
+@pytest.mark.parametrize("what", ITEMS)
+def test_a_name_is_text_and_stays_while_a_controller_has_the_item(what: str) -> None:
+    """Solutions, logs and status tables find items by their names: a second item of one name would be lost."""
+    item, (controller, items) = made(what, added=True)
+    name = item.name
+    for other in (controller.limits or controller.contacts or controller.tasks)[0].name, "other", 5, None:
+        if other != name:
+            with pytest.raises(InputError, match="name"):
+                item.name = other
+    assert item.name == name
+    if isinstance(item, (wbc.SoleContact, wbc.TorqueLimits, wbc.JointLimits)):
+        return  # whose names are those of a sole, or their own
+    controller.remove(*items)
+    item.name = "other"
+    controller.add(*items)
+    assert "other" in [each.name for each in (*controller.tasks, *controller.contacts, *controller.limits)]
 
 
 @everything

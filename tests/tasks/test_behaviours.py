@@ -291,6 +291,15 @@ def test_a_run_lasts_until_the_machine_ends_or_its_seconds_are_over() -> None:
         Program(endless, control).run(Still(control))
 
 
+@pytest.mark.parametrize("name", ["endpoint", "end of the press", "the end"])
+def test_a_state_has_any_name_but_that_of_an_end(name: str) -> None:
+    machine = StateMachine("m", steps("a", name), {"a": {"done": name}})
+    assert list(machine.states) == ["a", name]
+    for reserved in ("end", "end: blocked", "end:"):
+        with pytest.raises(InputError, match="name of a state"):
+            Behaviour(reserved)
+
+
 @pytest.mark.parametrize(
     ("make", "named"),
     [

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive
@@ -43,6 +43,9 @@ logger = logging.getLogger(__name__)
 
 FEET_STAY = 0.35
 """Distance of the DCM from the nearest sole that nothing recovers whose feet stay, as a multiple of the CoM height."""
+
+ANOTHER = "make another control"
+"""Advice on options that stay."""
 
 UNUSUAL = {
     Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
@@ -175,6 +178,8 @@ class DriveControl(Control):
         gate: Limits of commands.
     """
 
+    controller: Controller = fixed(ANOTHER)
+    observer: Observer = fixed(ANOTHER)
     restarts = True
     _follows_estimate = True
     _moves_references = False  # the solution is integrated to references of the joints

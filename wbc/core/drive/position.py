@@ -12,11 +12,11 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive
-from wbc.core.drive.control import DriveControl, State
+from wbc.core.drive.control import ANOTHER, DriveControl, State
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
@@ -37,6 +37,8 @@ class PositionControl(DriveControl):
         v: Velocity of the commanded robot, shape (nv,).
     """
 
+    feedback: Literal["open", "closed"] = fixed(ANOTHER)
+    feedforward: bool = fixed(ANOTHER)
     _moves_references = True
 
     @checked

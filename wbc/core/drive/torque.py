@@ -7,11 +7,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
-from wbc.core.drive.control import DriveControl, State
+from wbc.core.drive.control import ANOTHER, DriveControl, State
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
@@ -91,6 +91,9 @@ class HybridControl(TorqueControl):
         q: Joint positions of the last references, shape (na,), rad.
         v: Joint velocities of the last references, shape (na,), rad/s.
     """
+
+    kp: Array = fixed(ANOTHER)
+    kd: Array = fixed(ANOTHER)
 
     @checked
     def __init__(

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
@@ -107,6 +107,11 @@ class Observer:
         time: Time stamp of the last measurement, s; None before one.
     """
 
+    robot: Robot = fixed("make another observer")
+    settings: ObserverSettings = result(
+        "_settings", "make another observer; `retune` changes the inertial part"
+    )
+
     @checked
     def __init__(
         self, robot: Robot, settings: ObserverSettings | None = None, *, adopt: bool = False
@@ -124,9 +129,9 @@ class Observer:
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
         self._update_robot = self.robot.update if adopt else self.robot.update_kinematics
-        self.settings = settings or ObserverSettings()
-        self.inertial = InertialFilter(self.settings.inertial)
-        self._min_load = self.settings.min_load * robot.force_scale
+        self._settings = settings or ObserverSettings()
+        self.inertial = InertialFilter(self._settings.inertial)
+        self._min_load = self._settings.min_load * robot.force_scale
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
@@ -134,7 +139,7 @@ class Observer:
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
         self._v = np.zeros(robot.nv)
-        delay = self.settings.delay
+        delay = self._settings.delay
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
         # Views of base and joints, and of the pose of the base and its rates: quicker than slices.
         self._parts = self._q[:7], self._q[7:], self._v[:6], self._v[6:]
@@ -145,7 +150,7 @@ class Observer:
         self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
         self._sole_frames = [(sole.rotation, sole.translation) for sole in soles]
         self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
-        outside = self.settings.outside
+        outside = self._settings.outside
         self.sinking = Sinking(robot.mass * GRAVITY)
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.reset(q)
@@ -160,7 +165,7 @@ class Observer:
     def retune(self, settings: InertialSettings) -> None:
         """Change the time constants of attitude and velocity."""
         self.inertial.settings = settings
-        self.settings = replace(self.settings, inertial=settings)
+        self._settings = replace(self._settings, inertial=settings)
 
     @property
     def load(self) -> Array:
@@ -293,7 +298,7 @@ class Observer:
         `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `imu` is the velocity of
         the IMU in the base frame.
         """
-        s, model, data, inertial = self.settings, self.robot.model, self._data, self.inertial
+        s, model, data, inertial = self._settings, self.robot.model, self._data, self.inertial
         moving, at_imu = turned_all(base, (imu.linear.tolist(), self._imu_position.tolist()))
         self._imu_motion = x, y, z = add_cross(moving, spin, at_imu)
         gains = 1.0, 1.0  # the first tick is unfiltered
@@ -340,7 +345,7 @@ class Observer:
                     continue
                 x, y, z = motion.velocity
                 vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-                if abs(motion.rotation[2]) > self.settings.spin:
+                if abs(motion.rotation[2]) > self._settings.spin:
                     foot.yaw = motion.heading
                 else:
                     yaw_error += share * wrapped(foot.yaw - motion.heading)
@@ -385,13 +390,13 @@ class Observer:
         common = 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):
             common += share * wrapped(foot.yaw - yaw)
-        slip = lag_gain(dt, self.settings.slip_time_constant)
+        slip = lag_gain(dt, self._settings.slip_time_constant)
         for share, foot, (u, v, w), yaw in zip(shares, feet, reach, yaws, strict=True):
             foot.draw((x + u, y + v, z + w), yaw + common, 1.0 if share == 0.0 else slip)
 
     def _follow(self, soles: Soles, base: Rotation, dt: float) -> None:
         """Draw the anchors of feet that rest to the placements of the soles in the controller's model."""
-        gain = lag_gain(dt, self.settings.reference_time_constant)
+        gain = lag_gain(dt, self._settings.reference_time_constant)
         for share, foot, motion, sole in zip(self.rest.shares, self._feet, self._motions, soles, strict=True):
             if sole is not None and share != 0.0:
                 (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)

@@ -55,8 +55,9 @@ class ReachResult:
         configuration: The configuration, shape (nq,).
         reached: True if every task on a motion, every hard task and every contact is within the tolerance, and no limit
             is violated. Postures, unless they are hard, choose among configurations and do not count.
-        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose. Tasks on
-            a velocity, such as a momentum, have none: a search does not move.
+        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose; the
+            greatest error of a posture's joints, (m, rad) where some slide. Tasks on a velocity, such as a momentum,
+            have none: a search does not move.
         missed: Name of a task or contact beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
         held_by: Names of the limits that hold the configuration or are violated; without such limits, of the tasks and
             contacts that pull against what is missed, or of missed ones that pull against each other. Empty where
@@ -163,7 +164,7 @@ class Search:
             _, multipliers, _ = self.solve()
             held = assembly.holding(multipliers, self.tolerance) or tuple(assembly.violated(self.tolerance))
             held = held or self._pulling(missed)
-        errors = {task.name: tuple(task._sizes(task.error)) for task in self.tasks}
+        errors = {task.name: tuple(size for *_, size in task.sizes(task.error)) for task in self.tasks}
         return least, ReachResult(best, not missed, errors, missed, held, iteration, number)
 
     def _missed(self) -> dict[str, str]:
@@ -171,8 +172,8 @@ class Search:
         missed = {}
         for block in self.assembly.present:
             if _counts(block.item):
-                parts = zip(block.item._parts(), block.item._sizes(block.error), strict=True)
-                far = [f"{size:.3g} {unit}" for (unit, _), size in parts if not size <= self.tolerance]
+                parts = block.item.sizes(block.error)
+                far = [f"{size:.3g} {unit}" for unit, _, size in parts if not size <= self.tolerance]
                 if far:
                     missed[_label(block.item)] = ", ".join(far)
         return missed | self.assembly.violated(self.tolerance)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import weakref
 from abc import ABC, abstractmethod
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import Count, NonNegative, Positive
+from wbc.core.owned import Owned
 from wbc.core.robot import Reads, Robot
 
 OPTIONS = "it follows from the robot and from the options with which the limit was made: make another limit"
@@ -33,7 +33,7 @@ ZERO = scalar(0.0)
 """Zero, for the tick; see `scalar`."""
 
 
-class Limit(ABC):
+class Limit(Owned, ABC):
     """Base of limits on the generalised acceleration: lower ≤ rows · acceleration ≤ upper.
 
     Attributes:
@@ -46,9 +46,9 @@ class Limit(ABC):
     reads: ClassVar[Reads] = "all"
     step_unit: ClassVar[str] = ""
 
-    name: str
+    _kind = "limit"
+    _owner = None
     dim: int
-    _owner: weakref.ref[Any] | None = None
 
     @abstractmethod
     def bind(self, robot: Robot) -> None:

@@ -168,12 +168,10 @@ class LoopClosure(Contact):
             np.linalg.norm(pin.log3(apart.rotation)) if self.rotation else 0.0
         )
 
-    def _parts(self) -> list[tuple[str, Any]]:
-        return [("m", ...), ("rad", ...)]
-
-    def _sizes(self, rows: Array) -> list[float]:
-        """Distance and angle of the two frames now, whatever the rows are."""
-        return list(self.gap())
+    def sizes(self, rows: Array) -> list[tuple[str, Any, float]]:
+        """Return units, places, and distance and angle of the two frames now, whatever the rows are."""
+        distance, angle = self.gap()
+        return [("m", ..., distance), ("rad", ..., angle)]
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill the motion rows; see `Motion.measure`.

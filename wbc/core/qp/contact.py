@@ -70,7 +70,6 @@ class Contact(Motion):
         ranged: Places of the force variables that have a range: the normal force alone, or all.
         usual: Options of the contacts of a class where none are given.
         reads: State of the robot that the rows need in inverse kinematics; see `Task`.
-        cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
     The options of `ContactOptions` and the friction are attributes, too; assign them at any time, `motion_weight` where
@@ -86,6 +85,7 @@ class Contact(Motion):
     ranged: ClassVar[tuple[int, ...]] = (NORMAL,)
     usual: ClassVar[ContactOptions] = {}
     _with_world: ClassVar[bool] = True
+    _cone: Array
 
     @checked
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
@@ -102,6 +102,21 @@ class Contact(Motion):
         self._active = bool(given["active"])
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
         self._carried: Array | None = None  # greatest forces of one that unloads, shape (dim,), N and Nm
+
+    @property
+    def cone(self) -> Array:
+        """Matrix F with F f ≤ 0, shape (rows, dim); the number of rows is fixed while a controller has the contact."""
+        return self._cone
+
+    @cone.setter
+    def cone(self, value: ArrayLike) -> None:
+        what = f"cone of contact '{self.name}'"
+        cone = finite_array(what, value)
+        rows = "rows" if self.owner is None else len(self._cone)
+        if cone.ndim != 2 or cone.shape[1] != self.dim or rows not in ("rows", len(cone)):
+            raise InputError(f"{what} must have shape ({rows}, {self.dim}), got {cone.shape}")
+        self._cone = cone
+        self.revision += 1
 
     @property
     def friction(self) -> float:

@@ -108,10 +108,10 @@ def held_back(
 
 def is_far(task: Task, rows: RowStore, residuals: Mapping[str, Array]) -> bool:
     """Return true for a task whose residual is beyond that of an error with which it is reached."""
-    gains, sizes = rows.error_gain(task), task._sizes(residuals[task.name])
+    gains = rows.error_gain(task)
     return any(
         size > NEAR.get(unit, NEAR["m"]) * (float(gains[part].max()) or 1.0)
-        for (unit, part), size in zip(task._parts(), sizes, strict=True)
+        for unit, part, size in task.sizes(residuals[task.name])
     )
 
 

@@ -116,7 +116,7 @@ class Items:
         for kind in (JointLimits, TorqueLimits):
             if isinstance(item, kind) and any(isinstance(other, kind) for other in others):
                 raise InputError(f"there are {item.name} already; remove them first")
-        if _owner(item) is not None:
+        if item.owner is not None:
             raise InputError(f"{item!r} belongs to another controller; remove it there, or make a second one")
         if isinstance(item, Task) and item._settled and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
@@ -163,7 +163,7 @@ class Items:
         if not items:
             return
         for item in items:
-            if _owner(item) is not self:
+            if getattr(item, "owner", None) is not self:
                 raise InputError(f"{item!r} is not part of this {self._noun}")
         gone = {id(item): item for item in _with_parts(*items)}
         for task in self._tasks:
@@ -239,12 +239,6 @@ def bind(item: Item, robot: Robot) -> None:
     item.bind(robot)
     if isinstance(item, (Task, Contact, Barrier)) and getattr(item, "_robot", None) is not robot:
         raise InputError(f"bind of '{item.name}' must call super().bind(robot) first")
-
-
-def _owner(item: Item) -> Items | None:
-    """Return the solver that has an item; None if none has."""
-    owner: weakref.ref[Items] | None = getattr(item, "_owner", None)
-    return None if owner is None else owner()
 
 
 def _with_parts(*items: Item) -> tuple[Item, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from abc import ABC
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import Array, one_or_each, read_only
+from wbc.core.owned import Owned
 from wbc.core.qp.options import Choice
 from wbc.core.robot import Robot
 
@@ -63,7 +63,7 @@ class RowNumbers:
         return RowNumbers, (self.values,)
 
 
-class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
+class Motion(Owned, ABC):  # noqa: B024 (its subclasses have the abstract methods)
     """Base of tasks and contacts: rows that follow a motion.
 
     Attributes:
@@ -72,12 +72,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         revision: Number that changes with gains, weights and bounds.
     """
 
-    __slots__ = ("_critical", "_fed", "_numbers", "_owner", "_robot", "name", "revision")
+    __slots__ = ("_critical", "_fed", "_numbers", "_robot", "revision")
 
     _kind: ClassVar[str] = "task"
     _choice = Choice("all rows", 1, None, None)
     dim: int
-    _owner: weakref.ref[Any] | None
 
     def __init__(self, name: str, stiffness: ArrayLike, damping: ArrayLike | None) -> None:
         """Allocate `dim` rows, and set their gains; see the properties."""
@@ -86,11 +85,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
             kind.measure is Motion.measure or kind.drift is Motion.drift
         ):
             raise InputError(f"{kind.__name__} needs a method `evaluate`, or `measure` and `drift`")
+        self._owner = None
         self.name, self.revision = name, 0
         self._fed = False  # the target has had a velocity or an acceleration: it may be another in every tick
         self._numbers = RowNumbers.zeros(self.dim)
         self._robot: Robot | None = None
-        self._owner = None
         self._critical = True
         self._numbers.rate.fill(RATE)
         self.stiffness = stiffness
@@ -113,11 +112,6 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
             )
         return self._robot
 
-    @property
-    def owner(self) -> Any:
-        """Controller or solver of inverse kinematics that has the rows; None while none has."""
-        return None if self._owner is None else self._owner()
-
     @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names against the robot, whose state is up to date; called when a controller gets it.
@@ -131,9 +125,9 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         parts = [("m", slice(0, 3)), ("rad", slice(3, self.dim))]
         return parts[: 1 if self.dim <= 3 else 2]
 
-    def _sizes(self, rows: Array) -> list[float]:
-        """Length of each part of some rows."""
-        return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
+    def sizes(self, rows: Array) -> list[tuple[str, Any, float]]:
+        """Return unit, place and length of each part of some rows, shape (dim,), that is one vector."""
+        return [(unit, part, float(np.linalg.norm(rows[part]))) for unit, part in self._parts()]
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows from the present state of the robot: by `measure` and `drift`, unless a class overrides it.

@@ -20,7 +20,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked as checked_arguments
-from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import Array, finite_array, one_or_each, read_only
 from wbc.core.frames import FixedPose
 from wbc.core.qp.motion import RATE, Motion, RowNumbers
@@ -95,8 +95,6 @@ class Task(Motion):
         """
         given: dict[str, Any] = {**self.usual, **options}
         name = given.pop("name", None) or name
-        if not isinstance(name, str):
-            raise InputError(f"the name of a task must be text, got {shown(name)}")
         axes = None if isinstance(rows, int) else given.pop("axes", None)
         joints = given.pop("joints", None) if self._over_joints else None
         self._choice = Choice(name, rows, axes, joints)
@@ -267,7 +265,7 @@ class Task(Motion):
     @property
     def speed(self) -> float:
         """Present speed, `unit`/s: the largest of those of position, rotation and joints."""
-        return max(self._sizes(self.velocity))
+        return max(size for *_, size in self.sizes(self.velocity))
 
     @property
     def reached(self) -> bool:
@@ -280,11 +278,9 @@ class Task(Motion):
         if self.moving:
             return False
         jacobian, error, _ = self.evaluated()
-        sizes = zip(self._parts(), self._sizes(error), self._sizes(jacobian @ self.robot.v), strict=True)
-        return all(
-            off <= NEAR.get(unit, NEAR["m"]) and speed <= SLOW.get(unit, SLOW["m"])
-            for (unit, _), off, speed in sizes
-        )
+        near = all(size <= NEAR.get(unit, NEAR["m"]) for unit, _, size in self.sizes(error))
+        velocity = jacobian @ self.robot.v
+        return near and all(size <= SLOW.get(unit, SLOW["m"]) for unit, _, size in self.sizes(velocity))
 
     @property
     def held_back_by(self) -> tuple[str, ...]:
@@ -549,9 +545,9 @@ class SelectionTask(Task):
         bound = self._numbers.bound
         np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
 
-    def _sizes(self, rows: Array) -> list[float]:
-        """Greatest component of some rows."""
-        return [float(abs(rows).max())]
+    def sizes(self, rows: Array) -> list[tuple[str, Any, float]]:
+        """Return unit, place and greatest component of each part of some rows, shape (dim,)."""
+        return [(unit, part, float(abs(rows[part]).max())) for unit, part in self._parts()]
 
 
 class VariableTask(Task):
