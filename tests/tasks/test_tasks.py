@@ -36,7 +36,6 @@ from wbc.tasks import (
     PoseTask,
     PositionTask,
     PostureTask,
-    WrenchTask,
     check_rows,
 )
 from wbc.tasks.balance import BalanceGains, balance_controller
