@@ -268,24 +268,13 @@ class Hands:
 
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
         """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
-        ground = float(self._estimate.com[2]) - self._height
-        point = np.array([*self._estimate.com[:2], ground])
-        held, own = np.zeros(2), np.zeros(2)  # offset of the ZMP by the other hands, and by 1 N of this one
-        for name, other in self.all.items():
-            push, place = other.ordered * other.direction * other.active, other.destination
-            if name == hand:
-                push = along
-                if at is not None and other.state is not HandState.HOLD:
-                    place = at
-            offset = zmp_offset(np.concatenate((-push, np.cross(place, -push))), point, self._weight)
-            if name == hand:
-                own = offset
-            else:
-                held += offset
-        yaw = heading(self._pelvis)
-        c, s = math.cos(yaw), math.sin(yaw)
-        ahead = np.array(((c, s), (-s, c)))
-        held, own = ahead @ held, ahead @ own
+        each = self.all[hand]
+        stays = at is None or each.state is HandState.HOLD
+        own = self._zmp_moved(along, each.destination if stays else at)  # by 1 N of this hand
+        held = np.zeros(2)  # by the other hands
+        for other in self.all.values():
+            if other is not each and other.active:
+                held += self._zmp_moved(other.ordered * other.direction, other.destination)
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
         most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), ROUNDING)))
         if force > most:
@@ -295,6 +284,13 @@ class Hands:
                 f"loss of {force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give "
                 "firm=True for a surface that cannot give way"
             )
+
+    def _zmp_moved(self, push: Array, place: Array) -> Array:
+        """Return how far a push at a place moves the ZMP, to the toes and to the side, shape (2,), m."""
+        (x, y, z), yaw = self._estimate.com, heading(self._pelvis)
+        under = np.array((x, y, z - self._height))
+        offset = zmp_offset(np.concatenate((-push, np.cross(place, -push))), under, self._weight)
+        return np.array(along((math.cos(yaw), math.sin(yaw)), *offset.tolist()))
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
 

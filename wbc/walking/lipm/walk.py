@@ -149,7 +149,7 @@ class LipmWalk(ReferenceSource):
         middle = 0.5 * (plan.left.position + plan.right.position)
         rest = Pendulum.at_rest(middle + (0.0, 0.0, com_height) if com is None else com, float(middle[2]))
         self.course = PlannedCourse(self.phases, preview, rest)
-        self.feet = PlannedFeet(self.phases, self.course, self.ground, self.reach, robot.length_scale, dt)
+        self.feet = PlannedFeet(self.phases, self.course, self.ground, self.reach, dt)
         if plan.steps:
             self.take(PlanSource(plan))
             self.plan_steps()

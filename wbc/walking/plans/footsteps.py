@@ -116,6 +116,11 @@ class Footstep:
         turn = math.remainder(self.yaw - stance.yaw, math.tau)
         return *along(direction, self.x - stance.x, self.y - stance.y), self.z - stance.z, turn
 
+    def outwards_of(self, stance: Footstep) -> tuple[float, float, float, float]:
+        """Return forward, to the side of this foot, up (m) and turn to that side (rad) from the other foot."""
+        forward, left, up, turn = self.seen_from(stance)
+        return (forward, left, up, turn) if self.side == "left" else (forward, -left, up, -turn)
+
 
 def moved(place: Place, dx: float, dy: float, turn: float) -> Place:
     """Return a place moved by a motion in its own frame."""

@@ -123,16 +123,14 @@ class Reach:
 
     def allows(self, stance: Footstep, step: Footstep) -> bool:
         """Return True if a step is within reach over the ground, seen from the foot that stands."""
-        forward, left, _, _ = step.seen_from(stance)
-        spacing = left if step.side == "left" else -left
+        forward, spacing, _, _ = step.outwards_of(stance)
         aside = self.min_spacing - ROUNDING <= spacing <= self.max_spacing + ROUNDING
         return aside and abs(forward) <= self.max_length + ROUNDING
 
     def nearest(self, stance: Footstep, step: Footstep) -> Footstep:
         """Return a step within reach of the foot that stands, clear of it: the same one, or the nearest on its way."""
-        forward, left, _, turn = step.seen_from(stance)
-        side = 1.0 if step.side == "left" else -1.0
-        beside, out, long = side * left, side * turn, self.max_length
+        forward, beside, _, out = step.outwards_of(stance)
+        side, long = 1.0 if step.side == "left" else -1.0, self.max_length
         turned = -0.5 * self.max_yaw - ROUNDING <= out <= self.max_yaw + ROUNDING
         if turned and self.allows(stance, step) and not self.overlap(stance, step):
             return step
@@ -360,9 +358,7 @@ def check_plan(
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
-    forward, left, up, turn = step.seen_from(stance)
-    outward = 1.0 if step.side == "left" else -1.0
-    spacing, open_turn = outward * left, outward * turn
+    forward, spacing, up, open_turn = step.outwards_of(stance)
     limits = (
         ("goes forward by", forward, -reach.max_length, reach.max_length, "m"),
         ("stands beside the stance foot by", spacing, reach.min_spacing, reach.max_spacing, "m"),
