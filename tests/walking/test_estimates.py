@@ -78,19 +78,19 @@ def test_a_landing_is_put_on_what_is_seen_within_the_reach_of_the_legs() -> None
     )
     step = Footstep("right", 0.1, 0.2, 0.0, 0.3)
     ground = GroundEstimate(0.5, 0.25, 0.15)
-    assert ground.under(step) is step and not ground.news and ground.way(step.placement, step) == -math.inf
+    assert ground.choose(step) is step and not ground.news and ground.way(step.placement, step) == -math.inf
     ground.sight = sight
     assert ground.news
-    seen = ground.under(step)
+    seen = ground.choose(step)
     assert not ground.news and asked.pop() == (1, 0.1, 0.2, 0.3)
     assert (seen.x, seen.y, seen.z) == (0.5, 0.6, 0.1) and seen.side == "right"
     assert (seen.pitch, seen.roll) == pytest.approx((-math.atan(0.2), math.atan(-0.1)))
     for height, taken in ((0.149, True), (0.151, False), (-0.149, True), (-0.151, False)):
         place.z = height
-        assert (ground.under(step).z == height) is taken
+        assert (ground.choose(step).z == height) is taken
     ground.lift(1, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])))
     place.z = 0.44
-    assert ground.under(step).z == 0.44, "over the foot that stands"
+    assert ground.choose(step).z == 0.44, "over the foot that stands"
     for over, seen_over in ((0.2, 0.2), (0.9, 0.3 + HIGHEST)):
         sight.highest = lambda *at, over=over: over
         assert ground.way(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), step) == pytest.approx(seen_over)

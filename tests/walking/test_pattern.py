@@ -121,28 +121,6 @@ def test_the_height_follows_stairs_smoothly(rise: float) -> None:
         time += support.duration
 
 
-@pytest.mark.parametrize("rise", [0.1, -0.1, -0.2])
-def test_the_height_of_a_small_robot_is_that_of_a_large_one_on_smaller_stairs(rise: float) -> None:
-    """At s times the lengths and √s times the times."""
-    share, root = 0.3, np.sqrt(0.3)
-    large = schedule(climb_stairs(START, rise=rise, tread=0.3, count=3, first_edge=0.4))
-    small = [
-        replace(
-            support,
-            duration=root * support.duration,
-            total=root * support.total,
-            feet=tuple(replace(foot, z=share * foot.z) for foot in support.feet),
-        )
-        for support in large
-    ]
-    rest = Pendulum.at_rest(np.array([0.0, 0.0, share * HEIGHT]))
-    profile, other = HeightProfile(large, HEIGHT, REST), HeightProfile(small, share * HEIGHT, rest, share)
-    for time in np.arange(0.0, sum(support.duration for support in large), 0.02):
-        height, speed, push = other.at(root * time)
-        expected = profile.at(time)
-        assert (height / share, speed / root, push) == pytest.approx(expected, abs=1e-9)
-
-
 def test_a_last_step_down_takes_the_height_to_the_middle_of_both_feet() -> None:
     """From the middle of the single support to the end of the double support after it, by a quintic."""
     supports = schedule(replace(START, steps=(Footstep("left", 0.1, 0.0875, -0.06),)))

@@ -419,7 +419,7 @@ def test_a_landing_goes_to_the_height_that_is_seen_while_the_foot_can_follow(
     w = in_swing()
     run(w, lambda w: (0.0, 1.0), 0.0 if moment == "early" else w.phases.remaining - 0.1)
     before, height = w.phases.plan.steps[0], w.ground.height
-    w.ground.under = lambda landing: replace(landing, z=before.z + change)  # type: ignore[method-assign]
+    w.ground.choose = lambda landing: replace(landing, z=before.z + change)  # type: ignore[method-assign]
     w.feet.look()
     follows = moment == "early" and abs(change) > 0.003
     assert w.phases.plan.steps[0].z - before.z == pytest.approx(change if follows else 0.0)

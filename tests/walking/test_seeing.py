@@ -225,7 +225,7 @@ def test_what_is_seen_is_landed_on_at_its_height_and_tilt_unless_legs_do_not_rea
     ground = GroundEstimate(0.5, 0.1, 0.2)
     ground.sight = Told(0.07, (0.1, -0.2))  # type: ignore[assignment]
     assert ground.news
-    seen = ground.under(PLANNED)
+    seen = ground.choose(PLANNED)
     assert (seen.x, seen.z, seen.pitch, seen.roll) == pytest.approx(
         (0.3, 0.07, -math.atan(0.1), math.atan(-0.2))
     )
@@ -242,7 +242,7 @@ def test_what_is_seen_is_landed_on_at_its_height_and_tilt_unless_legs_do_not_rea
     ):
         ground.lift(1, pin.SE3(np.eye(3), np.array([0.0, 0.0, stands])))
         ground.sight = Told(z)  # type: ignore[assignment]
-        assert (ground.under(PLANNED).z == z) == found
+        assert (ground.choose(PLANNED).z == z) == found
 
 
 @pytest.mark.parametrize(("start", "over", "way"), [(0.0, 0.05, 0.05), (0.0, 0.3, 0.08), (0.1, 0.3, 0.16)])

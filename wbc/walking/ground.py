@@ -1,7 +1,7 @@
 """Estimate of the ground that feet land on: heights of the landings so far, and of the map that is seen.
 
     landing = ground.expect(planned)          at lift-off: height of a landing that is planned
-    landing = ground.under(landing)           whenever a landing has moved, or more is seen
+    landing = ground.choose(landing)          whenever a landing has moved, or more is seen
     over = ground.way(start, landing)         highest ground on the way there
     ground.land(unexpected)                   what the landing has found
 
@@ -80,12 +80,11 @@ class GroundEstimate:
             self.height, self.rise = seen.z - planned.z, 0.0
         return seen
 
-    def under(self, landing: Footstep) -> Footstep:
-        """Return a landing on the ground that is seen under it; the same where nothing is known."""
-        return self.choose(landing, None)
-
     def choose(
-        self, landing: Footstep, allowed: Callable[[float, float], bool] | None, cost: Cost | None = None
+        self,
+        landing: Footstep,
+        allowed: Callable[[float, float], bool] | None = None,
+        cost: Cost | None = None,
     ) -> Footstep:
         """Return the best place for a landing near it, of those that are `allowed` (x, y); its own place if None.
 
@@ -103,10 +102,6 @@ class GroundEstimate:
         return replace(
             landing, x=place.x, y=place.y, z=place.z, pitch=-math.atan(along), roll=math.atan(across)
         )
-
-    def expect_at(self, height: float) -> None:
-        """Expect the ground at a height, m."""
-        self.height = height
 
     def level(self, full: float, none: float) -> float:
         """Return the share from 1 to 0 by which the ground counts as level, up to `full` and from `none` uneven, m."""

@@ -82,7 +82,7 @@ def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> No
 
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
     gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
-    gait.ground.expect_at(0.03)
+    gait.ground.height = 0.03
     times = np.linspace(0.0, gait.step._time_down() - CONSTANTS.piece, 20001)
     s = times / times[-1]
     heights = 0.1 * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
@@ -368,7 +368,7 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
 @pytest.mark.parametrize("rise", [-0.1, 0.1, 0.0])
 def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
-    gait.ground.expect_at(rise)
+    gait.ground.height = rise
     assert gait.step._com_ground() == 0.0, "no stair is known"
     gait.step._climbs = True
     assert gait.step._com_ground() == pytest.approx(0.5 * rise)

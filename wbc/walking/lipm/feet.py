@@ -121,10 +121,10 @@ class PlannedFeet:
         if swing is None or phases.remaining < LAST_LOOK or phases.overdue:
             return
         now = phases.landing
-        seen = ground.under(now)
+        seen = ground.choose(now)
         if abs(seen.z - now.z) < NOTICED:
             return
-        ground.expect_at(ground.height + (seen.z - now.z))
+        ground.height += seen.z - now.z
         phases.set_landing(seen, carry=False)
         self._retarget(swing, seen, swing.duration)
 
@@ -140,7 +140,7 @@ class PlannedFeet:
         if moved < 0.5 * threshold and abs(time - phases.remaining) < 2.5 * self._dt:
             return
         if self._ground.sight is not None:
-            landing = self._ground.under(replace(landing, z=now.z))
+            landing = self._ground.choose(replace(landing, z=now.z))
         phases.set_landing(landing, left=time)
         self._retarget(swing, landing, phases.duration)
 

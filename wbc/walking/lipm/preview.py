@@ -68,12 +68,9 @@ Area = tuple[complex, complex, complex]
 class PreviewController:
     """Planner of the pendulum over a horizon."""
 
-    def __init__(
-        self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None, scale: float = 1.0
-    ) -> None:
-        """Set up for the length scale of a robot; an `InputError` for a margin or a target beyond a sole."""
-        self.settings, self._scale = settings or PreviewSettings(), scale
-        s = self.settings
+    def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
+        """Set up; an `InputError` for a margin or a target that does not fit into a sole."""
+        self.settings = s = settings or PreviewSettings()
         self.height, self.omega = height, natural_frequency(height)
         self._room = {}
         for side, (length, width) in zip(SIDES, sizes, strict=True):
@@ -95,7 +92,7 @@ class PreviewController:
         error = complex(*dcm.tolist()) - dcm_backwards(times, points, self.omega)[0]
         if abs(error) > ROUNDING:
             self._shift(times, points, areas, error)
-        return Pattern(times, points, start, HeightProfile(supports, self.height, start, self._scale))
+        return Pattern(times, points, start, HeightProfile(supports, self.height, start))
 
     def _knots(
         self, supports: Sequence[SupportPhase], now: complex

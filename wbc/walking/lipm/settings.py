@@ -64,18 +64,18 @@ def law_of(
     settings: WalkSettings, robot: Robot, com_height: float, reach: Reach, *, climbs: bool
 ) -> tuple[PreviewController, StepAdjuster | None]:
     """Return preview and step adjustment of a robot, for a plan that climbs or not, with the CoM at a height, m."""
-    scale = robot.length_scale  # a small robot has its share of each length
-    preview = in_units(settings.preview, {"m": scale})
-    adjustment = settings.adjustment and in_units(settings.adjustment, {"m": scale})
+    lengths = {"m": robot.length_scale}  # a small robot has its share of each
+    preview = in_units(settings.preview, lengths)
+    adjustment = settings.adjustment and in_units(settings.adjustment, lengths)
     margin, inward = preview.margin, preview.target.inward
     if climbs:  # as planned: on rough ground, landings make a plan that climbs, too
-        inward = min(inward, CLIMBING_INWARD * scale)
+        inward = min(inward, CLIMBING_INWARD)
     most = most_inward(
         0.5 * min(width for _, width in reach.soles),
         margin if adjustment is None else max(margin, adjustment.margin),
     )
     target = replace(preview.target, inward=max(-most, min(most, inward)))
-    planner = PreviewController(reach.soles, com_height, replace(preview, target=target), scale)
+    planner = PreviewController(reach.soles, com_height, replace(preview, target=target))
     return planner, None if adjustment is None else StepAdjuster(com_height, reach, target, adjustment)
 
 

@@ -237,7 +237,7 @@ class LipmWalk(ReferenceSource):
         if not plan.steps and phases.ended:
             return  # it stands, or comes to rest
         steps = self.ground.settled(plan.steps, swings=phases.swing is not None)
-        self.ground.expect_at(0.0)
+        self.ground.height = 0.0
         if phases.steer(tuple(steps), plan.gait.full):
             self._begun = (Event.STARTED,)
         self.course.plan()

@@ -124,11 +124,11 @@ class SingleSupport:
         self.touch.begin()
         if out is not None:
             self._pace, self._feet_height = out.pace, stands
-            self._ground.expect_at(stands)
+            self._ground.height = stands
             if out.kicked:
                 self.touch.push()
         if footsteps:
-            self._ground.expect_at(footsteps[0].z)
+            self._ground.height = footsteps[0].z
 
     def update(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Decide time and place of the step, move the swing foot, and detect its contact."""
@@ -189,7 +189,7 @@ class SingleSupport:
         """
         moved = self._felt.state.places[self._felt.stance][2] - self._stood
         if abs(moved) > self._c.drifted and self._ground.sight is None:
-            self._ground.expect_at(self._ground.height + moved)
+            self._ground.height += moved
             self._stood += moved
 
     def _look(self, landing: Footstep, lifted: float) -> Footstep:
@@ -198,8 +198,8 @@ class SingleSupport:
         Footsteps say where stairs are. Another landing is a stair where it lies far above or below the foot that
         stands, or the place from which the other one was `lifted`, m.
         """
-        landing = self._ground.under(landing)
-        self._ground.expect_at(landing.z)
+        landing = self._ground.choose(landing)
+        self._ground.height = landing.z
         self._tilt = landing.pitch, landing.roll
         if not self._footsteps:
             stands = self._felt.state.places[self._felt.stance][2]
