@@ -31,7 +31,7 @@ from wbc.walking import (
     walk_distance,
 )
 from wbc.walking.contact import GaitPhase
-from wbc.walking.lipm.drift import TURNED
+from wbc.walking.lipm.feet import TURNED
 from wbc.walking.lipm.settings import WalkSettings
 from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.plans.reach import Leg, Reach, check_plan
