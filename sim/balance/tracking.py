@@ -129,7 +129,7 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
         """Return why the robot is not where the clip has it; None if it is."""
         q = self.source.configurations[self.given]
         height = self.plant.com_height - float(self.source.motion[self.given].pendulum.com[2])
-        return self._falls.reason(self.plant.truth().q[3:7], height, rotation_of(q[3:7])[2])
+        return self.falls.reason(self.plant.truth().q[3:7], height, rotation_of(q[3:7])[2])
 
     def simulate(self) -> None:
         """See `Trial`."""

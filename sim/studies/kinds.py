@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from wbc.base.settings import to_json, units
+from wbc.base.settings import units
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial
 from wbc.sim.balance.tracking import MotionSpec, TrackResult, TrackTrial
 from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
+from wbc.sim.trial.spec import TrialResult
 from wbc.sim.trial.trial import AnyTrial
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
-CLOCK = ("real_time_factor", "tick_us")
-"""Parts of a result that are wall-clock timings."""
+
+def run(trial: AnyTrial, check: TimeoutCheck) -> Outcome:
+    """Run a trial of the library: its result, and what the clock said."""
+    try:
+        result: TrialResult = trial.run([TimeoutHook(check)])
+    except DivergedError:
+        return Outcome("diverged")
+    return Outcome("done" if trial.diverged is None else "diverged", result.record(), result.timings())
 
 
 def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
     """Run a walk as a trial."""
-    result = WalkTrial(spec, visuals=False).run([TimeoutHook(check)])
-    assert result.clock is not None
-    return Outcome(
-        "diverged" if result.outcome == "diverged" else "done", result.record(), to_json(result.clock)
-    )
+    return run(WalkTrial(spec, visuals=False), check)
 
 
 def stand_outcome(spec: StandSpec, check: TimeoutCheck) -> Outcome:
     """Run a stand as a trial."""
-    return _outcome(StandTrial(spec, visuals=False), check)
+    return run(StandTrial(spec, visuals=False), check)
 
 
 def track_outcome(spec: MotionSpec, check: TimeoutCheck) -> Outcome:
     """Track the clip in a file as a trial."""
-    return _outcome(TrackTrial(spec.clip(), spec, visuals=False), check)
-
-
-def _outcome(trial: AnyTrial, check: TimeoutCheck) -> Outcome:
-    """Run a trial, and split its result into what follows from the spec and what the clock said."""
-    try:
-        result: dict[str, Any] = to_json(trial.run([TimeoutHook(check)]))
-    except DivergedError:
-        return Outcome("diverged")
-    clock = {name: result.pop(name) for name in CLOCK if name in result}
-    return Outcome("diverged" if trial.plant.diverged else "done", result, clock)
+    return run(TrackTrial(spec.clip(), spec, visuals=False), check)
 
 
 register_trial(

@@ -43,6 +43,9 @@ STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
 DELAYS = ("measurement_delay", "command_delay")
 """Delays of a machine that its observer knows."""
 
+TIMINGS = ("clock", "real_time_factor", "tick_us")
+"""Parts of results that are wall-clock timings."""
+
 RobotName = Annotated[str, BeforeValidator(name_of)]
 """Name of a robot; a description is taken by the name under which this process finds it."""
 
@@ -186,6 +189,19 @@ class TrialResult:
     seed: int
     seconds: Annotated[float, "s"]
     failures: int
+
+    def record(self) -> dict[str, Any]:
+        """Return all that follows from the spec, as plain values."""
+        return {name: value for name, value in to_json(self).items() if name not in TIMINGS}
+
+    def timings(self) -> dict[str, Any]:
+        """Return the wall-clock timings, as plain values; empty without any."""
+        found = {name: value for name, value in to_json(self).items() if name in TIMINGS}
+        return (found.pop("clock", None) or {}) | found
+
+    def to_json(self) -> dict[str, Any]:
+        """Return record and timings, as plain values."""
+        return self.record() | self.timings()
 
     def _repr_html_(self) -> str:
         own, lines = units(type(self)), [type(self).__name__]

@@ -114,6 +114,7 @@ class Trial(Generic[ControlT, ResultT]):
         physics_time: Wall time in the simulator, s.
         hook_time: Wall time in `hooks`, s.
         loop_time: Wall time of `run` without the time in `hooks`, s.
+        falls: Test of the true state for a fall.
     """
 
     _started = False
@@ -149,7 +150,7 @@ class Trial(Generic[ControlT, ResultT]):
         self._stopping = False
         self.tick_times = array("d")
         self.physics_time = self.hook_time = self.loop_time = 0.0
-        self._falls = TrueFallDetector(plant.robot, limits)
+        self.falls = TrueFallDetector(plant.robot, limits)
 
     @property
     def drives(self) -> DriveControl:
@@ -175,7 +176,7 @@ class Trial(Generic[ControlT, ResultT]):
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by the true state of the simulation; None if it has not fallen."""
-        return self._falls.reason(self.plant.base_pose[3:], self.plant.com_height - self.ground)
+        return self.falls.reason(self.plant.base_pose[3:], self.plant.com_height - self.ground)
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or by the true state; None if it has not fallen."""

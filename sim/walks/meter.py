@@ -14,7 +14,6 @@ from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
 from wbc.base.vectors import along
 from wbc.core.conventions import rotation_of
-from wbc.core.drive.control import DriveControl
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
@@ -22,6 +21,7 @@ from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
+from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import TOUCHED, Event, GaitPhase
 from wbc.walking.control import WalkingControl
@@ -49,9 +49,6 @@ SAMPLE = 0.02
 
 LEAST_WAY = 0.05
 """Shortest distance for which a cost of transport and a speed are told, m."""
-
-MIN_FORCE = 1.0
-"""Normal force below which a contact does not count, N."""
 
 
 class _Moment(NamedTuple):
@@ -135,8 +132,8 @@ class WalkMeter(TrialHook):
         seen: Measurement | None = tick.measurement
         if seen is None or seen.sole_wrench is None:
             seen = tick.control.drives.measurement
-        if seen is not None:
-            self._record_slip(seen.wrenches.tolist())
+        wrenches: list[list[float]] = [] if seen is None else seen.wrenches.tolist()
+        self._record_slip(wrenches)
         if not isinstance(self._walking, WalkingControl):
             return
         reference, output = self._walking.reference, self._walking.output
@@ -145,7 +142,7 @@ class WalkMeter(TrialHook):
         self._reference = reference
         progress = reference.progress
         dcm_error = None if output is None else self._record_errors(reference, output)
-        self._record_events(progress.events, tick.measurement, self._walking.drives)
+        self._record_events(progress.events, tick.measurement.time, [wrench[2] for wrench in wrenches])
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 
@@ -192,19 +189,15 @@ class WalkMeter(TrialHook):
         self._dcm.append(math.hypot(*dcm_error))
         return dcm_error
 
-    def _record_events(
-        self, events: tuple[Event, ...], measurement: Measurement, control: DriveControl
-    ) -> None:
-        now = measurement.time
-        used = measurement if measurement.sole_wrench is not None else control.measurement
-        assert used is not None  # there is a reference: the tick had a good measurement
-        self._forces.append(used.wrenches[:, 2].tolist())
+    def _record_events(self, events: tuple[Event, ...], now: float, forces: list[float]) -> None:
+        """Record the events of a tick at a time, s, with the normal forces on the soles, N."""
+        self._forces.append(forces)
         for event in events:
             self._events[event] += 1
             if event in TOUCHED:
                 self._impact_until = now + IMPACT_TIME
                 self._landed = self._landed if self._swing is None else self._swing
-                self._hit(max(forces[self._landed] for forces in self._forces))
+                self._hit(max(before[self._landed] for before in self._forces))
         if now <= self._impact_until:
             self._hit(self._forces[-1][self._landed])
 
@@ -259,17 +252,17 @@ class WalkMeter(TrialHook):
         else:
             cause = "forward" if forward > 0.0 else "backward"
         return Fall(
-            reason,
-            self._plant.time,
-            onset.time,
-            onset.progress.steps_done + 1,
-            onset.progress.phase.value,
-            onset.share,
-            None if onset.dcm is None else forward,
-            None if onset.dcm is None else outward,
-            cause,
-            roll,
-            pitch,
+            reason=reason,
+            time=self._plant.time,
+            onset=onset.time,
+            step=onset.progress.steps_done + 1,
+            phase=onset.progress.phase.value,
+            share=onset.share,
+            dcm_forward=None if onset.dcm is None else forward,
+            dcm_outward=None if onset.dcm is None else outward,
+            cause=cause,
+            sole_roll=roll,
+            sole_pitch=pitch,
         )
 
     def figures(self) -> dict[str, Any]:
@@ -292,11 +285,11 @@ class WalkMeter(TrialHook):
             "vibration": float(vibration(self._velocities, self._sample).sum()),
             "slip": self._slip,
             "touchdowns": Touchdowns(
-                count[Event.EARLY_TOUCH_DOWN],
-                count[Event.TOUCH_DOWN],
-                count[Event.LATE_TOUCH_DOWN],
-                count[Event.NO_TOUCH_DOWN],
-                count[Event.FORCED_LIFT_OFF],
+                early=count[Event.EARLY_TOUCH_DOWN],
+                on_time=count[Event.TOUCH_DOWN],
+                late=count[Event.LATE_TOUCH_DOWN],
+                missed=count[Event.NO_TOUCH_DOWN],
+                forced_lift_offs=count[Event.FORCED_LIFT_OFF],
             ),
             "impact": None if self._impact is None else self._impact / (self._plant.robot.mass * GRAVITY),
             "sole_roll": spread(self._roll),

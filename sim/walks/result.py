@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from wbc.base.settings import to_json
 from wbc.sim.trial.spec import TrialResult
 from wbc.sim.walks.spec import WalkSpec
 
@@ -203,16 +202,6 @@ class WalkResult(TrialResult):
     def __repr__(self) -> str:
         steps = f"{self.steps_done} of {self.steps_planned} steps"
         return f"WalkResult({self.robot} on {self.terrain}: {self.outcome}, {steps})"
-
-    def record(self) -> dict[str, Any]:
-        """Return all that follows from the spec, as plain values."""
-        values: dict[str, Any] = to_json(self)
-        del values["clock"]
-        return values
-
-    def to_json(self) -> dict[str, Any]:
-        """Return record and timings, as plain values."""
-        return self.record() | (to_json(self.clock) if self.clock is not None else {})
 
 
 def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:

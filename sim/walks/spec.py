@@ -73,8 +73,8 @@ class WalkSpec(TrialSpec):
     Attributes:
         stiffness: Stiffness of soft or variable soles, Nm/rad; the default of the foot if not given.
         foot_changes: Further parameters of the foot, such as contact.row_spacing.
-        policy: Stiffness policy of variable soles: model, fixed, oracle, or a registered one. `stiffness` is then the
-            stiffness at the start.
+        policy: Stiffness policy of variable soles, not a trained policy (`trained`): model, fixed, oracle, or a
+            registered one. `stiffness` is then the stiffness at the start.
         policy_params: Parameters of the policy, such as stiffness=5 (fixed), path=model.json (model) or stones=5
             (oracle).
         terrain: Family of grounds that `wbc terrain` lists.
@@ -219,10 +219,13 @@ class WalkSpec(TrialSpec):
 
     def ground(self) -> Terrain:
         """Return the ground."""
+        return self._ground
+
+    @cached_property
+    def _ground(self) -> Terrain:
         params: dict[str, Any] = dict(self.terrain_params)
-        for name in ("name", "amplitude", "seed"):
-            if name in params:
-                raise InputError(f"{name} of a terrain is an option of its own, not one of its parameters")
+        if own := [name for name in ("name", "amplitude", "seed") if name in params]:
+            raise InputError(f"{own[0]} of a terrain is an option of its own, not one of its parameters")
         if isinstance(source := params.get(SOURCE), str):
             params[SOURCE] = file_of(stamped_file(source, "ground"))
         ground = terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
@@ -241,6 +244,10 @@ class WalkSpec(TrialSpec):
 
     def settings(self) -> WalkTrialSettings:
         """Return preset and changes as settings."""
+        return self._settings
+
+    @cached_property
+    def _settings(self) -> WalkTrialSettings:
         trial = trial_settings(self.gains, self.changes, self.chosen, self.timestep)
         given = [path.removeprefix("observer.") for path, _ in self.changes]
         trial = replace(trial, observer=self.with_delays(trial.observer, given))
@@ -300,12 +307,11 @@ def foot_changes(name: str, changes: Changes) -> Changes:
 
 def _as_used(ground: Terrain, params: Changes) -> Changes:
     """Return parameters as the ground has them, 1 and 1.0 are the same length; of a file its name and its hash."""
+    default_ramp = ground.default_ramp(ground.parameters)
     values = {
         name: value if name == SOURCE else getattr(ground.parameters, name, getattr(ground, name, value))
         for name, value in params
-        if name != RAMP_NAME
-        or ground.name != "flat"
-        and ground.ramp != ground.default_ramp(ground.parameters)
+        if name != RAMP_NAME or (ground.name != "flat" and ground.ramp != default_ramp)
     }
     if isinstance(source := values.get(SOURCE), str):
         values[SOURCE] = stamped_file(source, "ground")

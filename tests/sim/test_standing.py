@@ -6,7 +6,7 @@ import json
 import math
 import re
 from array import array
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, get_args
@@ -321,12 +321,13 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
 ) -> None:
     """Any other end of a walk is a result; of a search strayed walks count as held, fallen ones as not."""
 
-    def ended(outcome: str) -> Any:
+    def ended(trial: WalkTrial, outcome: str) -> Any:
+        trial.diverged = "NaN" if outcome == "diverged" else None
         clock = WallClock(1.0, 2.0, {"median": 1.0}, 0.5)
         return SimpleNamespace(
             outcome=outcome,
             record=lambda: {"outcome": outcome},
-            clock=clock,
+            timings=lambda: asdict(clock),
             steps_done=3,
             seconds=1.5,
             fall_reason=None,
@@ -340,7 +341,9 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
         ("fell", "done", None),
         ("diverged", "diverged", None),
     ):
-        monkeypatch.setattr("wbc.sim.studies.kinds.WalkTrial.run", lambda trial, hooks, o=outcome: ended(o))
+        monkeypatch.setattr(
+            "wbc.sim.studies.kinds.WalkTrial.run", lambda trial, hooks, o=outcome: ended(trial, o)
+        )
         trial = run_trial(spec)
         assert (trial.status, trial.result) == (status, {"outcome": outcome})
         assert trial.clock is not None and trial.clock["wall_s"] == 1.0
