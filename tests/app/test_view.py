@@ -294,7 +294,7 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
 def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     trial = WalkTrial(short_walk(foot="soft", noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
-    while walking.source.swing is None:
+    while walking.source.feet.swing is None:
         tick(trial)
     for _ in range(40):
         tick(trial)

@@ -260,7 +260,7 @@ def test_a_foot_meets_level_ground_half_as_quickly_as_uneven_ground(between: flo
     w = walking()
     w.ground.land(0.0, between)
     until(w, ideal, Event.LIFT_OFF)
-    swing, speed = w.swing, w.phases.gait.landing_speed
+    swing, speed = w.feet.swing, w.phases.gait.landing_speed
     assert swing is not None
     (_, _, z), (_, _, down) = swing.motion(w.phases.duration)
     assert z == pytest.approx(swing.landing.z, abs=1e-9) and down == pytest.approx(-part * speed)
@@ -284,7 +284,7 @@ def test_a_tick_calls_no_more_functions_the_longer_the_plan_is() -> None:
         while w.steps_done < 4:
             higher, slid = (pin.SE3(np.eye(3), np.array(by)) for by in ((0.0, 0.0, 0.004), (0.003, 0.0, 0.0)))
             soles, measured = [higher * place for place in places], [slid * places[0], places[1]]
-            if w.swing is not None:
+            if w.feet.swing is not None:
                 dcm += (0.04, 0.0, 0.0)
             calls, loads = 0, [WEIGHT * share for share in ideal(w)]
             sys.setprofile(count)
@@ -369,7 +369,7 @@ def in_swing() -> LipmWalk:
     w = walking(1.0)
     until(w, ideal, Event.LIFT_OFF)
     run(w, ideal, 0.3)
-    assert w.swing is not None
+    assert w.feet.swing is not None
     return w
 
 
@@ -405,7 +405,7 @@ def test_a_step_is_adjusted_from_half_a_threshold_or_three_ticks_on(
     way = w.phases.plan.steps[0].position - before.steps[0].position
     np.testing.assert_allclose(way, np.array([0.6, 0.8, 0.0]) * shift * moves, atol=1e-12)
     assert w.phases.duration - last == pytest.approx(round(ticks) * DT * moves)
-    assert w.swing is not None and w.swing.landing == w.phases.plan.steps[0]
+    assert w.feet.swing is not None and w.feet.swing.landing == w.phases.plan.steps[0]
     np.testing.assert_allclose(w.phases.plan.steps[1].position - before.steps[1].position, way, atol=1e-12)
     assert w.phases.plan.steps[0].y - before.steps[0].y == pytest.approx(0.8 * shift * moves)
 

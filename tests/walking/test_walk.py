@@ -352,7 +352,7 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
             height_left = reference.feet[side].placement.translation[2] - step.z
             if not (
                 height_left <= 1e-5
-                and walk.swing is not None
+                and walk.feet.swing is not None
                 and walk.phases.elapsed > 0.6 * walk.phases.duration
             ):
                 shares[side], shares[1 - side] = 0.0, 1.0

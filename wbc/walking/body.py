@@ -61,11 +61,9 @@ NEAREST = 0.3
 ARRIVED = 1e-3
 """Distance from a set-point, m and rad, below which it counts as reached."""
 
-ENDED = (1e-7, 1e-6)
-"""Distance from all set-points, m and rad, and speed, below which the motion to them ends: less than is seen."""
-
-IN_VIEW, GAZING = 0.05, 0.2
-"""Angle between trunk and point, rad, and speed of its turn, rad/s, below which a trunk looks at the point."""
+ENDED, LOOKS = (1e-7, 1e-6), (0.05, 0.2)
+"""Distance from all set-points, m and rad, and speed below which the motion to them ends: less than is seen; the same
+between a trunk and the direction of a point, rad and rad/s, below which it looks there."""
 
 
 class Twist(NamedTuple):
@@ -227,7 +225,7 @@ class Body:
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
         if self._point is not None:
-            return self._off < IN_VIEW and abs(float(self._rate[3])) < GAZING
+            return self._off < LOOKS[0] and abs(float(self._rate[3])) < LOOKS[1]
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 

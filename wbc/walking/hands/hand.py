@@ -45,17 +45,11 @@ from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
 
-GAP = 0.01
-"""Distance of the tip of a hand from a handle that it grips, m."""
+GAP, CLEARANCE = 0.01, 0.05
+"""Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach, m."""
 
-CLEARANCE = 0.05
-"""Distance of the tip of a hand from a surface at the start of its approach, m."""
-
-SEARCH = 0.5
-"""Greatest length of an approach, m."""
-
-BEHIND = 0.03
-"""Error of a hand on its approach above which its arm counts as stretched, and the contact as lost, m."""
+SEARCH, BEHIND = 0.5, 0.03
+"""Greatest length of an approach; error on it above which the arm counts as stretched, and the contact as lost, m."""
 
 TURN = 0.003
 """Ratio of the cost of the orientation of a hand to that of its place: an arm that folds turns the hand, and one that
@@ -64,11 +58,8 @@ cannot point where the hand is to press still goes there."""
 LOSS, LOSS_TIME = 0.3, 0.02
 """Ratio of measured to planned force below which a contact is lost after a time, and that time, s."""
 
-LOSS_RAMP = 0.15
-"""Time over which a lost force is faded out of the balance, s."""
-
-SILENCE = 0.05
-"""Time without a reading after which a pressing hand has lost its contact, s."""
+SILENCE, LOSS_RAMP = 0.05, 0.15
+"""Time without a reading after which a contact is lost; time in which a lost force is faded out of the balance, s."""
 
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
@@ -83,12 +74,10 @@ slow one shifts the CoM for hands that grip, and is the feed-forward of their ar
 LEAST_WAY = 0.01
 """Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
 
-PRESS_WEIGHT = 1.0
-"""Cost of a force other than the asked one of a hand that presses, per N²; that of a sole is 10⁻³ per (Nm)²."""
-
-GRIP_WEIGHT = 100.0
-"""The same of a hand that grips, per N² and (Nm)². What is gripped may roll: with a cost of 1 the QP takes 100 N from a
-cart that gives 17 N as soon as a step asks for it, and the arms throw themselves about."""
+PRESS_WEIGHT, GRIP_WEIGHT = 1.0, 100.0
+"""Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
+of a sole. What is gripped may roll: with a cost of 1 the QP takes 100 N from a cart that gives 17 N as soon as a step
+asks for it, and the arms throw themselves about."""
 
 BOUNDED = 1.0
 """Lack of force from which on an arm counts as too weak, N."""

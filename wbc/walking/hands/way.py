@@ -27,22 +27,15 @@ Limits = Mapping[str, ArrayLike | None]
 
 
 class Route(NamedTuple):
-    """Order of a hand to go to a target, or through other poses to it.
+    """Order of a hand to go to a target, or through other poses to it."""
 
-    Attributes:
-        poses: Poses in the frame, that of the target last.
-        frame: Name of the frame.
-        turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
-        limits: Limits of the minimum jerk trajectory to each pose. Without any the hand goes to the target as fast as
-            its speed lets it.
-        speed: Greatest speed without trajectories, m/s; that of the settings when None.
-    """
-
-    poses: Sequence[pin.SE3]
+    poses: Sequence[pin.SE3]  # in the frame, that of the target last
     frame: str
-    turn: float
-    limits: Sequence[Limits] = ()
-    speed: float | None = None
+    turn: float  # ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0
+    limits: Sequence[
+        Limits
+    ] = ()  # of a minimum jerk trajectory to each pose; without any it goes at its speed
+    speed: float | None = None  # greatest one without trajectories, m/s; that of the settings when None
 
 
 class HandWay:

@@ -96,12 +96,7 @@ class PlannedFeet:
     """
 
     def __init__(
-        self,
-        phases: PlanPhases,
-        course: PlannedCourse,
-        ground: GroundEstimate,
-        reach: Reach,
-        dt: float,
+        self, phases: PlanPhases, course: PlannedCourse, ground: GroundEstimate, reach: Reach, dt: float
     ) -> None:
         """Stand on the feet of a plan, with the control period, s."""
         self._phases, self._course, self._ground, self._reach, self._dt = phases, course, ground, reach, dt
@@ -140,8 +135,7 @@ class PlannedFeet:
         phases.set_landing(landing, carry=False)
         # Where what is seen is not there, the ground is where it was felt.
         shape = shape._replace(
-            touch=1.0 - (1.0 - SOFT) * ground.level(*EVEN),
-            search_depth=shape.search_depth + ground.raised,
+            touch=1.0 - (1.0 - SOFT) * ground.level(*EVEN), search_depth=shape.search_depth + ground.raised
         )
         start = soles[1 - stance]
         self.swing = SwingFoot(start, landing, phases.duration, shape, ground.way(start, landing))

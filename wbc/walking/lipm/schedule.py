@@ -55,10 +55,7 @@ class SupportPhase:
 
 
 def schedule(plan: FootstepPlan, first: int = 0, most: int | None = None) -> tuple[SupportPhase, ...]:
-    """Return the supports of a plan from step `first` on: of all steps or of `most`, and that on both feet after them.
-
-    The last support of a plan is the stand at its end.
-    """
+    """Return the supports of a plan from a step on: of all or of `most` steps, and that on both feet after them."""
     gait, feet = plan.gait.full, list(plan.feet(first))
     if not plan.steps:
         total = gait.initial_double_support + gait.final_double_support
@@ -105,11 +102,7 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget) -> list[c
 
 
 class HeightProfile:
-    """Height of the support over time, with continuous acceleration.
-
-    Attributes:
-        height: Height of the CoM over the support, m.
-    """
+    """Height of the support over time, with continuous acceleration; `height` is that of the CoM over it, m."""
 
     def __init__(self, supports: Sequence[SupportPhase], height: float, start: Pendulum) -> None:
         """Lay the profile through a schedule from now on: a CoM at a height over it, m, goes on without a jump."""

@@ -43,23 +43,15 @@ SETTING_OFF = 0.5
 
 @dataclass(slots=True)
 class GoalWay:
-    """Way to one goal, None for a velocity: how near to their places its landings have come.
-
-    Attributes:
-        goal: The goal.
-        stops: True once the goal has been reached by feet that stride.
-        aim: Number and place of the step that was planned last.
-        missed: Side → distance of the foot from where it was to land, m.
-        beside: True where the robot is no further from the goal than that.
-        tries: Number of landings there.
-    """
+    """Way to one goal, None for a velocity: how near to their places its landings have come."""
 
     goal: Place | None = None
-    stops: bool = False
-    aim: tuple[int, Footstep] | None = None
+    stops: bool = False  # once the goal has been reached by feet that stride
+    aim: tuple[int, Footstep] | None = None  # number and place of the step that was planned last
+    # Side → distance of the foot from where it was to land, m.
     missed: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SIDES, 0.0))
-    beside: bool = False
-    tries: int = 0
+    beside: bool = False  # no further from the goal than that
+    tries: int = 0  # number of landings there
 
     def land(self, now: Standing) -> None:
         """Take in a landing, if there has been one since the last plan."""

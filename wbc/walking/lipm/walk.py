@@ -47,7 +47,6 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steering import Steering
-from wbc.walking.swing import SwingFoot
 
 logger = logging.getLogger(__name__)
 
@@ -154,11 +153,6 @@ class LipmWalk(ReferenceSource):
             self.take(PlanSource(plan))
             self.plan_steps()
         self.progress = self._record()
-
-    @property
-    def swing(self) -> SwingFoot | None:
-        """Swing of this step; None on both feet."""
-        return self.feet.swing
 
     # ---- what is asked for --------------------------------------------------------------------------------------
 
