@@ -158,7 +158,7 @@ class WalkingControl(SteeredControl):
         )
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
-            walk.see(ground)
+            walk.place_feet_by(ground)
         self.reference: Reference | None = None
         self.stopped = False
         if isinstance(source, FootstepPlan) and source.steps and self.balance is None:

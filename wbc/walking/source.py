@@ -172,7 +172,7 @@ class ReferenceSource(ABC):
         """Take the footsteps of a planner from now on; None takes those of the steering."""
         self.planner, self.reason = planner, ""
 
-    def see(self, ground: KnownGround) -> None:
+    def place_feet_by(self, ground: KnownGround) -> None:
         """Place the feet by the known ground, from the next swing on.
 
         Args:
