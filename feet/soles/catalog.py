@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import lru_cache
 from typing import Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.registry import Registry, call_checked
+from wbc.base.settings import Changes, changed, normal_changes
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import IitSoftFoot, LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot
@@ -57,6 +59,25 @@ def foot(name: str, **parameters: Any) -> Foot:
         **parameters: Fields of the foot's class.
     """
     return call_checked(f"foot '{name}'", _FEET[name], parameters)
+
+
+@lru_cache(maxsize=256)
+def changed_foot(name: str, stiffness: float | None, changes: Changes) -> Foot:
+    """Return a foot by its name, with a stiffness of its hinges, Nm/rad, unless it is None, and other parameters."""
+    design = foot(name)
+    if stiffness is not None:
+        if not hasattr(design, "stiffness"):
+            raise InputError(f"a {name} foot has no stiffness; leave it out, or take a soft foot")
+        changes = (*changes, ("stiffness", stiffness))
+    return changed(design, changes)
+
+
+def foot_changes(name: str, changes: Changes) -> Changes:
+    """Return further parameters of a foot with full names; `InputError` for its stiffness."""
+    normal = normal_changes(foot(name), changes)
+    if any(path == "stiffness" for path, _ in normal):
+        raise InputError("the stiffness of a foot is an option of its own, not one of its further parameters")
+    return normal
 
 
 def foot_name(design: Foot) -> str:

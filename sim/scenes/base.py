@@ -52,6 +52,13 @@ GEOMS = {
 """Kinds of solids."""
 
 
+ALONG_Y = [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0]
+"""Quaternion, w first, that turns the axis of a capsule from z to y."""
+
+ALONG_X = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]
+"""The same to x."""
+
+
 @settings
 class Scene(ABC):
     """Base of scenes: furniture around the robot, with parameters.
@@ -160,10 +167,3 @@ def make_scene(name: str, **parameters: Any) -> Scene:
         **parameters: Parameters that differ from their defaults.
     """
     return call_checked(f"scene '{name}'", _SCENES[name], parameters)
-
-
-ALONG_Y = [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0]
-"""Quaternion, w first, that turns the axis of a capsule from z to y."""
-
-ALONG_X = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]
-"""The same to x."""

@@ -194,7 +194,7 @@ def _entry(line: bytes) -> Entry | None:
     try:
         data = from_json(line)
         del data["key"]
-        data.pop("sum", None)  # of journals until 2026
+        data.pop("sum", None)  # a checksum, which journals of earlier versions have
         _Line.model_validate(data)
         return Entry(**data)
     except (ValueError, TypeError, KeyError, AttributeError):

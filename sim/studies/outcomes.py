@@ -135,7 +135,7 @@ def run_trial(spec: AnyTrialSpec, timeout: Annotated[Positive, "s"] | None = Non
 
 
 class TimeoutHook(TrialHook):
-    """Hook that stops a walk after its time-out."""
+    """Hook that stops a trial after its time-out."""
 
     def __init__(self, check: TimeoutCheck) -> None:
         self._check = check

@@ -39,7 +39,8 @@ class Cell:
 
     Attributes:
         name: Name.
-        values: Parts of the specs of all trials in this cell.
+        values: Parts of the specs of all trials in this cell; none may be called "arms" or "own", the names of the next
+            two in a file.
         arms: Arms that are tried in this cell; all when None.
         arm_values: Parts of the specs that an arm has only in this cell: arm → parts.
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 CAUSES = ("forward", "sideways", "backward", "dropped")
 """Causes of falls, as tables count them."""
 
-BESIDE = {
+COLUMNS = {
     "impact": ("landing peak (x weight)", 1.0),
     "zmp_error.mean": ("ZMP error (mm)", 1e3),
     "contact_area.mean": ("contact area (cm²)", 1e4),
@@ -71,7 +71,7 @@ class TableCell:
     completed: tuple[float, float] | None
     falls: dict[str, int]  # cause of the falls → number; empty without walks
     steps: int  # number of steps of all walks: the time at risk
-    beside: dict[str, float]  # part of `BESIDE` → mean, over the same walks as the estimate
+    beside: dict[str, float]  # part of `COLUMNS` → mean, over the same walks as the estimate
     clusters: str  # what is drawn for the intervals: "families", with all of their layouts, or "layouts"
 
     def to_json(self) -> dict[str, Any]:
@@ -128,18 +128,18 @@ class StudyTable:
         """Return how the walks of each arm ended: completed, falls per 1,000 steps by cause, loads, lost trials."""
         cells = self.by_name
         arms = {arm: cells[self.rows[-1], arm] for arm in self.study.arms if (self.rows[-1], arm) in cells}
-        beside = [name for name in BESIDE if any(name in cell.beside for cell in arms.values())]
+        beside = [name for name in COLUMNS if any(name in cell.beside for cell in arms.values())]
         lines, lost = [], []
         for arm, cell in arms.items():
             if total := sum(cell.outcomes.values()):
                 falls = [_rate(cell.falls.get(cause, 0), cell.steps) for cause in CAUSES]
-                loads = [f"{BESIDE[n][1] * cell.beside[n]:.3g}" if n in cell.beside else "–" for n in beside]
+                loads = [f"{COLUMNS[n][1] * cell.beside[n]:.3g}" if n in cell.beside else "–" for n in beside]
                 done = share_text(cell.outcomes.get("completed", 0), total).replace(" completed", "")
                 lines.append(f"| {' | '.join((arm, done, *falls, *loads))} |")
             others = {**cell.outcomes, **cell.statuses}
             names = ("strayed", "unfinished", "diverged", "timeout", "crashed", "missing")
             lost += [f"{others[name]} of '{arm}' {name}" for name in names if others.get(name)]
-        head = ("", "completed", *CAUSES, *(BESIDE[name][0] for name in beside))
+        head = ("", "completed", *CAUSES, *(COLUMNS[name][0] for name in beside))
         title = "Falls per 1,000 steps by cause [95 %, exact Poisson], and means of what stands beside them"
         table = [f"| {' | '.join(head)} |", "|---|" + "---|" * (len(head) - 1), *lines]
         text = title + "\n\n" + "\n".join(table) if lines else ""
@@ -281,7 +281,7 @@ def _table_cell(
     done = own[own["status"] == "done"]
     outcomes = done["outcome"].value_counts().to_dict() if "outcome" in done else {}
     total = sum(outcomes.values())
-    beside = [n for n in BESIDE if total and n in counted and counted[n].notna().any()]
+    beside = [n for n in COLUMNS if total and n in counted and counted[n].notna().any()]
     return TableCell(
         row=row,
         arm=arm,

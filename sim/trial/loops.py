@@ -1,4 +1,4 @@
-"""Loops by name: the simulation in which a trial runs, MuJoCo's plant or one of somebody else.
+"""Loops by name: a loop is the `Simulation` in which a trial runs, MuJoCo's plant or one of somebody else.
 
     register_loop("dart", DartLoop)
     walk(robot="g1", mode="torque", loop="dart")

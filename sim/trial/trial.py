@@ -44,7 +44,7 @@ ResultT = TypeVar("ResultT")
 
 _log = logging.getLogger(__name__)
 
-SETTING_OFF, STEP_TIME, MORE_STEPS = 1.0, 3.0, 4
+SETTING_OFF, LONGEST_STEP, MORE_STEPS = 1.0, 3.0, 4
 """Time in which a robot begins to walk along a plan, s; longest time of one of its steps, s, some three times that of a
 slow free step; further steps that balance it, and bring feet to their places."""
 
@@ -303,7 +303,7 @@ class Trial(Generic[ControlT, ResultT]):
         control: Any = self.control
         control.follow(plan)
         self.advance(SETTING_OFF, look)
-        self.until(lambda: bool(control.done), STEP_TIME * (len(plan) + MORE_STEPS), look)
+        self.until(lambda: bool(control.done), LONGEST_STEP * (len(plan) + MORE_STEPS), look)
         if control.source.reason:
             raise StageError(f"stage '{self.stage}' ended: {control.source.reason}")
         self.advance(rest, look)

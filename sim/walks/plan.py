@@ -26,7 +26,7 @@ from wbc.walking.steered import SteeredControl
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
 
-BESIDE = 0.45
+ROOM_ASIDE = 0.45
 """Room that a walk needs beside the way of its middle, m: feet, soles, and what it strays."""
 
 STRAIGHT = 0.02
@@ -200,11 +200,11 @@ def fitted(ground: Terrain, way: Sequence[tuple[float, float]], given: Collectio
         given: Names of the dimensions of the track that stay.
     """
     x0, x1, y0, y1 = ground.extent
-    (low_x, low_y), (high_x, high_y) = np.min(way, axis=0) - BESIDE, np.max(way, axis=0) + BESIDE
+    (low_x, low_y), (high_x, high_y) = np.min(way, axis=0) - ROOM_ASIDE, np.max(way, axis=0) + ROOM_ASIDE
     own = {*given, *ground.parameters.track()}
     sizes: dict[str, Any] = {}
     if high_x > x1 and "length" not in own:
-        sizes["length"] = math.ceil(high_x - BESIDE - ground.start)
+        sizes["length"] = math.ceil(high_x - ROOM_ASIDE - ground.start)
     if low_x < x0 and "strip" not in own:
         sizes["strip"] = math.ceil(ground.start - low_x)
     if (high_y > y1 or low_y < y0) and "width" not in own:

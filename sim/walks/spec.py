@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 from pydantic import PlainValidator
@@ -17,13 +17,11 @@ from wbc.base.settings import (
     Number,
     Seed,
     as_changes,
-    changed,
-    normal_changes,
     settings,
 )
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
-from wbc.feet.soles.catalog import foot as foot_by_name
+from wbc.feet.soles.catalog import changed_foot, foot_changes
 from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
@@ -284,25 +282,6 @@ class WalkSpec(TrialSpec):
         data["terrain_params"][RAMP_NAME] = ground.ramp
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
         return data
-
-
-@lru_cache(maxsize=256)
-def changed_foot(name: str, stiffness: float | None, changes: Changes) -> Foot:
-    """Return a foot by its name, with a stiffness of its hinges, Nm/rad, unless it is None, and other parameters."""
-    design = foot_by_name(name)
-    if stiffness is not None:
-        if not hasattr(design, "stiffness"):
-            raise InputError(f"a {name} foot has no stiffness; leave it out, or take a soft foot")
-        changes = (*changes, ("stiffness", stiffness))
-    return changed(design, changes)
-
-
-def foot_changes(name: str, changes: Changes) -> Changes:
-    """Return further parameters of a foot with full names; `InputError` for its stiffness."""
-    normal = normal_changes(foot_by_name(name), changes)
-    if any(path == "stiffness" for path, _ in normal):
-        raise InputError("the stiffness of a foot is an option of its own, not one of its further parameters")
-    return normal
 
 
 def _as_used(ground: Terrain, params: Changes) -> Changes:

@@ -128,7 +128,7 @@ class WalkTrial(Trial[Any, WalkResult]):
         planned = walking if isinstance(walking, WalkingControl) else None
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
         walked = None if planned is None else planned.source.com_height
-        lowering = max(0.0, standing_com - (walked or standing_com))
+        lowering = max(0.0, standing_com - (standing_com if walked is None else walked))
         com = plant.com_height - _ground(plant) - lowering
         limits = prepared.settings.falls
         super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))

@@ -26,7 +26,7 @@ from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
-from wbc.sim.walks.plan import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
+from wbc.sim.walks.plan import ROOM_ASIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
 from wbc.sim.walks.prepare import moved_configuration
 from wbc.sim.walks.presets import plan_over
 from wbc.sim.walks.result import Spread, objective
@@ -159,7 +159,11 @@ def test_a_ground_grows_by_whole_metres_to_hold_a_way_with_room_beside_it(
     assert larger == replace(ground, **sizes)
     x0, x1, y0, y1 = larger.extent
     for x, y in way:
-        assert x0 <= x - BESIDE and y0 <= y - BESIDE <= y + BESIDE <= y1 and x <= x1 - BESIDE + 1e-9
+        assert (
+            x0 <= x - ROOM_ASIDE
+            and y0 <= y - ROOM_ASIDE <= y + ROOM_ASIDE <= y1
+            and x <= x1 - ROOM_ASIDE + 1e-9
+        )
     assert fitted(ground, way, ("length", "strip", "width")) == ground
 
 

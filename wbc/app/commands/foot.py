@@ -24,8 +24,8 @@ from wbc.base.settings import (
     to_json,
 )
 from wbc.feet import Foot
+from wbc.feet.soles.catalog import changed_foot, foot_changes, foot_names
 from wbc.feet.soles.catalog import foot as foot_by_name
-from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import AnkleSole
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import ankle_soles
@@ -33,7 +33,6 @@ from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.walks.spec import changed_foot, foot_changes
 
 Test = Literal["press"]
 

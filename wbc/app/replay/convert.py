@@ -23,7 +23,7 @@ from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.settings import Positive
 
-VIEWERS = {".rrd": ("rerun", "rerun"), ".mcap": ("foxglove", "foxglove")}
+FORMATS = {".rrd": ("rerun", "rerun"), ".mcap": ("foxglove", "foxglove")}
 """Ending of a file → the module that writes it, and the extra that brings this module."""
 
 WAIT = 3600.0
@@ -35,8 +35,8 @@ RATE = 30.0
 
 def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a file to convert to, after `check_target` and a check that its writer is there."""
-    target = check_target("a converted log", path, tuple(VIEWERS), inputs)
-    module, extra = VIEWERS[target.suffix.lower()]
+    target = check_target("a converted log", path, tuple(FORMATS), inputs)
+    module, extra = FORMATS[target.suffix.lower()]
     if importlib.util.find_spec(module) is None:
         raise InputError(f'{target.name} needs the extra "{extra}": pip install -e ".[{extra}]" in the clone')
     return target

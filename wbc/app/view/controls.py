@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -40,8 +40,8 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
-    from wbc.sim.plant.mujoco_robot import MujocoRobot
     from wbc.sim.simulation.simulation import Simulation
+    from wbc.walking.control import WalkingControl
     from wbc.walking.steered import SteeredControl
 
 _log = logging.getLogger(__name__)
@@ -111,18 +111,17 @@ class LiveControls:
 
     def __init__(
         self,
-        plant: MujocoRobot | Simulation | None,
+        plant: Simulation | None,
         walking: SteeredControl | None,
         controller: Controller | None = None,
         *,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
         """Find the controls that the run has; interventions of a former one are carried out again at their times."""
-        self._plant: Any = plant
-        self._walking: Any = walking
+        self._plant, self._walking = plant, walking
         if controller is None and walking is not None and walking.drives is not None:
             controller = walking.drives.controller
-        self.controller: Any = controller
+        self.controller = controller
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
@@ -131,14 +130,14 @@ class LiveControls:
         self._ended = False
         self._docs = attribute_docs(StabilizerGains)
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
-        if self.controller is not None:
-            self._actions["target"] = self._aim
+        if controller is not None:
+            self._actions["target"] = partial(_aim, controller)
         if plant is not None:
-            self._actions["push"] = self._push
+            self._actions["push"] = partial(_push, plant)
         if walking is not None:
-            self._actions["stop"] = self._stop
+            self._actions["stop"] = partial(_stop, walking)
             if walking.steered:
-                self._actions["drive"] = self._drive
+                self._actions["drive"] = partial(_drive, walking)
 
     @property
     def settings(self) -> dict[str, Setting]:
@@ -150,13 +149,13 @@ class LiveControls:
             gains = stabilizer.gains.for_mass(stabilizer.mass)
             for name, unit in STABILIZER_GAINS.items():
                 value = float(np.max(getattr(gains, name)))
-                take = partial(self._set_gain, name)
+                take = partial(_set_gain, stabilizer, name)
                 found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
-            about = "each foot takes it in its next swing"
-            scheduler = walking.stiffness
-            value = foot.stiffness if scheduler is None else float(scheduler.command.max())
-            found.append(Setting("soles/stiffness", "Nm/rad", value, about, self._set_stiffness))
+            about, walk = "each foot takes it in its next swing", cast("WalkingControl", walking)
+            value = foot.stiffness if walk.stiffness is None else float(walk.stiffness.command.max())
+            take = partial(_set_stiffness, walk, foot)
+            found.append(Setting("soles/stiffness", "Nm/rad", value, about, take))
         for task in () if self.controller is None else self.controller.tasks:
             found += _task_settings(task)
         return {each.name: each for each in found}
@@ -224,35 +223,6 @@ class LiveControls:
         settings[choose("setting", name, settings)].take(value)
         return {"name": name, "value": value}
 
-    def _aim(self, request: dict[str, Any]) -> dict[str, Any]:
-        task: Any = self.controller.task(str(request.get("task")))
-        if task.held_by is not None:
-            raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
-        task.target = target_of(task, request.get("target"))
-        return {"task": task.name, "target": request["target"]}
-
-    def _push(self, request: dict[str, Any]) -> dict[str, Any]:
-        side = choose("direction of a push", str(request.get("direction")), DIRECTIONS)
-        impulse = finite_scalar(
-            "impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE
-        )
-        ahead = heading(rotation_of(self._plant.truth().q[3:7]))
-        push_along(self._plant, impulse, ahead + DIRECTIONS[side])
-        return {"direction": side, "impulse": impulse}
-
-    def _stop(self, request: dict[str, Any]) -> dict[str, Any]:
-        self._walking.stop()
-        return {}
-
-    def _drive(self, request: dict[str, Any]) -> dict[str, Any]:
-        velocity = tuple(
-            finite_scalar(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
-            for name in ("forward", "left", "turn")
-        )
-        self._walking.velocity = velocity
-        forward, left, turn = velocity
-        return {"forward": forward, "left": left, "turn": turn}
-
     def halt(self) -> None:
         """Bring a robot that is driven from a page to a stand, because the last page has been closed."""
         walking = self._walking
@@ -260,16 +230,50 @@ class LiveControls:
         if moves and any(entry["what"] == "drive" for entry in self.interventions):
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
 
-    def _set_gain(self, name: str, value: float) -> None:
-        stabilizer = self._walking.stabilizer
-        stabilizer.gains = replace(stabilizer.gains, **{name: value})
 
-    def _set_stiffness(self, value: float) -> None:
-        policy, walking = FixedPolicy(self._plant.foot.actuator.check(value)), self._walking
-        if walking.stiffness is None:
-            walking.stiffness = StiffnessScheduler(walking.controller.robot, self._plant.foot, policy)
-        else:
-            walking.stiffness.policy = policy
+# ---- the orders: each returns what is recorded of it ----------------------------------------------------------------
+
+
+def _aim(controller: Controller, request: dict[str, Any]) -> dict[str, Any]:
+    task: Any = controller.task(str(request.get("task")))
+    if task.held_by is not None:
+        raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
+    task.target = target_of(task, request.get("target"))
+    return {"task": task.name, "target": request["target"]}
+
+
+def _push(plant: Simulation, request: dict[str, Any]) -> dict[str, Any]:
+    side = choose("direction of a push", str(request.get("direction")), DIRECTIONS)
+    impulse = finite_scalar("impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE)
+    push_along(plant, impulse, heading(rotation_of(plant.truth().q[3:7])) + DIRECTIONS[side])
+    return {"direction": side, "impulse": impulse}
+
+
+def _stop(walking: SteeredControl, request: dict[str, Any]) -> dict[str, Any]:
+    del request
+    walking.stop()
+    return {}
+
+
+def _drive(walking: SteeredControl, request: dict[str, Any]) -> dict[str, Any]:
+    velocity = {
+        name: finite_scalar(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
+        for name in ("forward", "left", "turn")
+    }
+    walking.velocity = (velocity["forward"], velocity["left"], velocity["turn"])
+    return velocity
+
+
+def _set_gain(stabilizer: Any, name: str, value: float) -> None:
+    stabilizer.gains = replace(stabilizer.gains, **{name: value})
+
+
+def _set_stiffness(walking: WalkingControl, foot: VariableStiffnessFoot, value: float) -> None:
+    policy = FixedPolicy(foot.actuator.check(value))
+    if walking.stiffness is None:
+        walking.stiffness = StiffnessScheduler(walking.controller.robot, foot, policy)
+    else:
+        walking.stiffness.policy = policy
 
 
 def _task_settings(task: Any) -> Iterator[Setting]:

@@ -1,6 +1,7 @@
 """Server of MeshCat's page, on this machine alone, with a caption in front: lines and a legend.
 
-A thread serves the page. The page watches; nothing that it says is read.
+A thread serves the page. The page watches; nothing that it says is read. MeshCat's own server listens on all addresses
+of the machine, answers any host name, and hands on what pages say.
 """
 
 from __future__ import annotations
