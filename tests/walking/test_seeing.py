@@ -68,7 +68,7 @@ def walk(
         loads = [0.5, 0.5]
         soles = [motion.placement.copy() for motion in reference.feet]
         level = step.z if true is None else true
-        meets = walking.swing is not None and soles[moving].translation[2] <= level + 1e-5
+        meets = walking.feet.swing is not None and soles[moving].translation[2] <= level + 1e-5
         if meets and walking.phases.elapsed > 0.6 * walking.phases.duration:
             soles[moving].translation[2] = level
         else:
