@@ -223,7 +223,7 @@ class Robot:
         self.q = np.array(self.half_sitting)
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
         self.update(self.q, self.v)
-        self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
+        self.length_scale = min(1.0, self.com_height() / FULL_HEIGHT)
 
     def _read_joints(self) -> None:
         """Read the joints of the model: coordinates, names, kinds and couplings."""
@@ -295,7 +295,7 @@ class Robot:
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
 
-    def _com_height(self) -> float:
+    def com_height(self) -> float:
         """Height of the CoM over the first sole in half-sitting, m; infinity without soles."""
         if not self.soles:
             return math.inf

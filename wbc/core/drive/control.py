@@ -374,7 +374,7 @@ class DriveControl(Control):
             return self.refuse(failed, error)
         turned, sinks = observer.inertial.correction.turned, observer.sinking.compliance
         return State(
-            estimate, plausible, observer.load, measurement, True, time, None, turned, compliance=sinks
+            estimate, plausible, observer.load, measurement, True, time, turned=turned, compliance=sinks
         )
 
     def refuse(self, state: State, error: Exception) -> State:

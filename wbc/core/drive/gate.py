@@ -93,7 +93,7 @@ class CommandGate:
         """
         kp, kd = gains
         if not math.isfinite(measured[0].dot(measured[1])):
-            torque, kp, kd, measured = self._in_the_dark(torque, reference, gains, measured)
+            torque, kp, kd, measured = self._without_state(torque, reference, gains, measured)
         servo = kp * (reference[0] - measured[0])
         servo += kd * (reference[1] - measured[1])
         total = torque + servo
@@ -103,14 +103,12 @@ class CommandGate:
         beyond = ~((least >= self._clipped_below) & (most <= self._clipped_above))
         least, most, servo = self._least, self._most, np.nan_to_num(servo, nan=0.0)
         torque = np.clip(np.nan_to_num(total, nan=0.0), least, most) - servo
-        if ((torque < least) | (torque > most)).any():  # servos ask for more, as on a wrong velocity
-            torque = np.clip(torque, least, most)
-            # Feed-forward at one limit, and servos that ask for the other at most: the gains give way last.
-            share = np.minimum(1.0, (most - least) / np.maximum(np.abs(servo), ROUNDING))
-            kp, kd = share * kp, share * kd
-        return torque, (kp, kd), beyond
+        torque = np.clip(torque, least, most)  # servos may ask for more, as on a wrong velocity
+        # Feed-forward at one limit, and servos that ask for the other at most: the gains give way last.
+        share = np.minimum(1.0, (most - least) / np.maximum(np.abs(servo), ROUNDING))
+        return torque, (share * kp, share * kd), beyond
 
-    def _in_the_dark(
+    def _without_state(
         self,
         torque: Array,
         reference: tuple[Array, Array],

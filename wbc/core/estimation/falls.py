@@ -47,10 +47,7 @@ class FallDetector:
         """Take the soles of a robot; dt is the control period, s."""
         self._robot, self._dt = robot, dt
         self._soles = [robot.placement(sole.frame).translation for sole in robot.soles]  # views
-        standing = Robot(robot.model, (), robot.half_sitting)
-        lowest = min(float(standing.placement(sole.frame).translation[2]) for sole in robot.soles)
-        height = max(float(standing.com[2]) - lowest, 0.0)
-        self._lasting = LASTING * math.sqrt(height / GRAVITY)
+        self._lasting = LASTING * math.sqrt(max(robot.com_height(), 0.0) / GRAVITY)
         self.reset()
 
     def reset(self) -> None:

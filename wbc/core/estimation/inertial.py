@@ -108,17 +108,12 @@ class InertialFilter:
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
         self.rotation = np.array(rotation)
-        self.take(np.zeros(3) if velocity is None else np.array(velocity))
+        self._take(np.zeros(3) if velocity is None else np.array(velocity))
         self._last, self.correction = None, Correction()
 
-    def take(self, velocity: Array) -> None:
-        """Take a velocity of the IMU point in the world over as it is, shape (3,), m/s, as the steady one, too."""
-        self.velocity = velocity.copy()
-        self.steady = complex(velocity[0], velocity[1])
-
-    def return_to_steady(self) -> None:
-        """Take back what a foot that slips has added to the horizontal velocity."""
-        self.velocity[:2] = self.steady.real, self.steady.imag
+    def _take(self, velocity: Array) -> None:
+        """Take a velocity of the IMU point in the world over, shape (3,), m/s, as the steady one, too."""
+        self.velocity, self.steady = velocity, complex(velocity[0], velocity[1])
 
     def learn_bias(self) -> None:
         """Learn the gyro bias in a tick of a stand, after `correct`: a robot that stands does not turn.
@@ -163,24 +158,37 @@ class InertialFilter:
         self.velocity[2] -= dt * GRAVITY
         self.rotation = middle.dot(half)
 
-    def correct(self, legs: Vector | None, yaw_error: float, dt: float) -> None:
+    def correct(
+        self, legs: Vector | None, yaw_error: float, dt: float, *, struck: bool = False, slides: bool = False
+    ) -> None:
         """Correct the state with velocity and yaw from the legs, `dt` seconds after the last call.
 
-        The velocity is that of the IMU point in the world, m/s, None in flight; the error is the yaw of the IMU from
-        the feet minus that of the filter, rad.
+        Args:
+            legs: Velocity of the IMU point in the world by the legs, m/s; None in flight, and while no foot rests.
+            yaw_error: Yaw of the IMU from the feet minus that of the filter, rad.
+            dt: Time since the last call, s.
+            struck: True where the velocity of the legs counts at once, as at the start and after an impact.
+            slides: True while a foot slips. What it has added to the horizontal velocity is taken back to the steady
+                one; where feet rest again, the steady velocity follows at once.
         """
         s, correction = self.settings, self.correction
         before, correction.legs = correction.legs, legs
         if legs is None:
+            if slides:
+                self.velocity[:2] = self.steady.real, self.steady.imag
             self.velocity *= math.exp(-dt / s.flight_time_constant)
             correction.unexplained = correction.left = 0j
             correction.turned, correction.yaw_left = correction.yaw_left, 0.0
             return
+        if struck:
+            self._take(np.array(legs))
         (x, y, z), (u, v, w) = legs, self.velocity.tolist()
         found = complex(x - u, y - v)
         gain, yaw = lag_gain(dt, s.velocity_time_constant), lag_gain(dt, s.yaw_time_constant)
         self.velocity += np.array((gain * (x - u), gain * (y - v), gain * (z - w)))
         self.steady += lag_gain(dt, STEADY) * (complex(x, y) - self.steady)
+        if slides:
+            self._take(self.velocity)
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.
         tilt, slowly = gain / (GRAVITY * s.tilt_time_constant), 1.0 / s.bias_time_constant
         roll, pitch, heading = -tilt * found.imag, tilt * found.real, yaw * yaw_error

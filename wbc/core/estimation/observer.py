@@ -351,13 +351,8 @@ class Observer:
                     yaw_error += share * wrapped(foot.yaw - motion.heading)
             x, y, z = self._imu_motion
             legs = vx + x, vy + y, vz + z
-            if first or rest.struck:
-                inertial.take(np.array(legs))
-        elif any(rest.slides):
-            inertial.return_to_steady()
-        inertial.correct(legs, yaw_error, dt)
-        if rest.sliding and legs is not None:
-            inertial.take(inertial.velocity)
+        slides = True in rest.slides if legs is None else rest.sliding
+        inertial.correct(legs, yaw_error, dt, struck=first or rest.struck, slides=slides)
 
     def _place(self, base: Rotation, velocity: Array, soles: Soles | None, dt: float) -> None:
         """Place the base by the anchors, in flight by its velocity in the world, m/s, and let the anchors settle.

@@ -60,13 +60,17 @@ def pairs_that_touch(
     state, data = model.createData(), trial.createData()
     for request in data.collisionRequests:
         request.security_margin = margin
+    left = list(zip(range(len(pairs)), (names for names, _, _ in pairs), data.collisionResults, strict=True))
     found = list[set[tuple[str, str]]]()
     for q in _postures(robot, POSTURES):
         pin.computeCollisions(model, state, trial, data, q, False)
-        hits = zip(pairs, data.collisionResults, strict=True)
-        found.append({names for (names, _, _), result in hits if result.isCollision()})
-    touching, ever = found[0], set[tuple[str, str]]().union(*found)
-    return [names for names in apart if names in ever - touching]
+        found.append(hits := {names for _, names, result in left if result.isCollision()})
+        for row, names, _ in left if hits else ():
+            if names in hits:  # once is enough
+                data.deactivateCollisionPair(row)
+        left = [each for each in left if each[1] not in hits]
+    later = set[tuple[str, str]]().union(*found[1:])
+    return [names for names in apart if names in later]
 
 
 def check_separable(

@@ -62,7 +62,10 @@ class AccelerometerCheck:
         self._time = 0.0  # of the last measurement, s
 
     def check(self, measurement: Measurement, observer: Observer) -> Measurement:
-        """Return a plausible measurement, without the accelerometer's direction where it contradicts all others."""
+        """Return a plausible measurement, without the accelerometer's direction where it contradicts all others.
+
+        The observer has not seen the measurement yet: what it knows of attitude, legs and feet is of the last tick.
+        """
         inertial, before = observer.inertial, self._legs
         self._legs = legs = inertial.correction.legs
         passed, self._time = measurement.time - self._time, measurement.time

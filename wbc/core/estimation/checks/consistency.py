@@ -111,7 +111,9 @@ class ConsistencyMonitor:
         """Forget the past."""
         self.doubts: tuple[str, ...] = ()
         self._time, self._sensed = math.nan, False
-        self._shares = [1.0 / len(self._names)] * len(self._names)
+        self._parts = [1.0 / len(self._names)] * len(
+            self._names
+        )  # of the weight that the feet bear, low-passed
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
@@ -146,8 +148,8 @@ class ConsistencyMonitor:
         force = observer.inertial.rotation.dot(measurement.specific_force).tolist()
         self._watch_calm(complex(force[0], force[1]), measurement)
         self._gravity += gain * (force[2] / GRAVITY - self._gravity)
-        self._shares = [
-            share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
+        self._parts = [
+            part + gain * (load / weight - part) for part, load in zip(self._parts, loads, strict=True)
         ]
         doubts += self._compare_legs(observer, force, blind=measurement.wrench_source != "sensor")
         doubts += self._slipping(observer.rest.slides)
@@ -165,13 +167,13 @@ class ConsistencyMonitor:
         legs, rotations = self._legs, observer.foot_rotations
         legs.move(observer.foot_velocities, rotations, observer.load_shares, force)
         if not blind:
-            legs.compare(self._shares, self._gravity)
+            legs.compare(self._parts, self._gravity)
             if legs.swapped:
                 doubts.append("force sensors swapped between the feet")
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
         carries = [turn for turn, share in zip(rotations, observer.rest.shares, strict=True) if share >= 0.5]
-        steady = self._calm >= CALM.time and sum(self._shares) >= LOADS.least_weight
+        steady = self._calm >= CALM.time and sum(self._parts) >= LOADS.least_weight
         if self._gyroscope.update(
             carries[-1] if carries else STILL,
             observer.inertial.correction.unexplained,
@@ -203,7 +205,7 @@ class ConsistencyMonitor:
         self._stood = self._stood + self._dt if stands else 0.0
         alike = _common(rotations) if self._stood > LOADS.standing else STILL
         self._rotation = part_way(self._rotation, alike, self._gain)
-        total, gravity = sum(self._shares), self._gravity
+        total, gravity = sum(self._parts), self._gravity
         wrong = (
             gravity > LOADS.gravity and total < LOADS.least_weight,
             total > LOADS.most_weight * max(gravity, 1.0),

@@ -1,4 +1,7 @@
-"""Readings of sensors that stay the same to the bit, while noise would change a good one in every tick."""
+"""Readings of sensors that stay the same to the bit, while noise would change a good one in every tick.
+
+They are doubted; a whole measurement that comes again and again is refused by `Plausibility`.
+"""
 
 from __future__ import annotations
 

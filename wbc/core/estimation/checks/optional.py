@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,13 +14,8 @@ from wbc.core.estimation.checks.refusal import Refusal, numbers_of
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
-OPTIONAL = {
-    "joint_torque": "joint torques",
-    "hand_wrenches": "force sensors of hands",
-    "sole_range": "range sensors of soles",
-    "sole_stiffness": "stiffness of soles",
-}
-"""Signals that only some robots have, with their names in messages; a tick goes on without them."""
+WRENCH = ("N", "N", "N", "Nm", "Nm", "Nm")
+"""Units of a wrench."""
 
 
 class OptionalSignals:
@@ -29,8 +23,15 @@ class OptionalSignals:
 
     def __init__(self, robot: Robot, force: float, torque_margin: float) -> None:
         """Take the ranges from a robot, with the largest force of a hand, N, and of a torque over its limit."""
-        n = len(robot.soles)
-        self._shapes = ((robot.na,), (len(robot.frames), 6), (n,), (n,))
+        n, hands = len(robot.soles), (len(robot.frames), 6)
+        unread = np.full(n, np.nan)
+        # Name → name in messages, shape, and what stands for a signal that is left out.
+        self._signals: dict[str, tuple[str, tuple[int, ...], Array | None]] = {
+            "joint_torque": ("joint torques", (robot.na,), None),
+            "hand_wrenches": ("force sensors of hands", hands, None),
+            "sole_range": ("range sensors of soles", (n,), unread),
+            "sole_stiffness": ("stiffness of soles", (n,), unread),
+        }
         self._soles = {(n,), (2,)}  # shapes of signals of the soles: these, or their default
         self._hands = tuple(robot.frames)
         longest = max(sole.length for sole in robot.soles)
@@ -55,11 +56,8 @@ class OptionalSignals:
             wrong = np.any(np.abs(hands) > self._wrist, axis=1)  # a hand without a reading has NaN
             if wrong.any():
                 for i in np.flatnonzero(wrong).tolist():
-                    units, hand = (
-                        ("N", "N", "N", "Nm", "Nm", "Nm"),
-                        np.where(np.isnan(hands[i]), 0.0, hands[i]),
-                    )
-                    faults.append(_beyond(f"force sensor of {self._hands[i]}", hand, self._wrist, units))
+                    hand = np.where(np.isnan(hands[i]), 0.0, hands[i])
+                    faults.append(_beyond(f"force sensor of {self._hands[i]}", hand, self._wrist, WRENCH))
                 formed["hand_wrenches"] = hands = np.array(hands)
                 hands[wrong] = np.nan
         if all(value is getattr(m, name) for name, value in formed.items()):
@@ -69,15 +67,15 @@ class OptionalSignals:
     def _formed(self, m: Measurement, faults: list[Refusal]) -> dict[str, Any]:
         """Return the signals as arrays of the right type and shape; add to `faults` which are not."""
         formed: dict[str, Any] = {}
-        for (name, sensor), shape in zip(OPTIONAL.items(), self._shapes, strict=True):
-            of_sole, formed[name] = name.startswith("sole"), getattr(m, name)
-            if (formed[name] is None and not of_sole) or (of_sole and self._is_of_soles(formed[name])):
+        for name, (sensor, shape, unread) in self._signals.items():
+            value = formed[name] = getattr(m, name)
+            if value is None if unread is None else self._is_of_soles(value):
                 continue
             try:
                 formed[name] = numbers_of(m, name, shape)
             except MeasurementError as error:
-                formed[name] = np.full(shape, np.nan) if of_sole else None
-                faults.append(Refusal(sensor, math.nan, -math.inf, math.inf, "", False, str(error)))
+                formed[name] = None if unread is None else unread.copy()
+                faults.append(Refusal(sensor, why=str(error)))
         return formed
 
     def _is_of_soles(self, value: Any) -> bool:
@@ -88,4 +86,4 @@ def _beyond(sensor: str, values: Array, most: Array, units: Sequence[str]) -> Re
     """Return why a sensor is refused: by the number that is farthest beyond its bound, or is none."""
     worst = int(np.argmax(np.nan_to_num(np.abs(values) / most, nan=np.inf)))
     bound = float(most[worst])
-    return Refusal(sensor, float(values[worst]), -bound, bound, units[worst], False)
+    return Refusal(sensor, float(values[worst]), -bound, bound, units[worst])

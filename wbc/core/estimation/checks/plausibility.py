@@ -23,7 +23,7 @@ from wbc.base.errors import MeasurementError
 from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
-from wbc.core.estimation.checks.optional import OptionalSignals
+from wbc.core.estimation.checks.optional import WRENCH, OptionalSignals
 from wbc.core.estimation.checks.refusal import Refusal, few, numbers_of
 from wbc.core.estimation.checks.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
@@ -115,8 +115,7 @@ class Plausibility:
         speed = robot.velocity_limit
         self._speed = np.where(speed < UNLIMITED, s.velocity_margin * speed, 1e3)
         self._step = self._speed * dt + s.position_jump * robot.per_rad
-        self._gyro = slice(2 * na, 2 * na + 3)
-        self._most[1, :na], self._most[1, self._gyro] = self._step, s.gyro_jump
+        self._most[1, 2 * na : 2 * na + 3] = s.gyro_jump
         self._set_ranges(robot)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
@@ -131,7 +130,7 @@ class Plausibility:
         self.names = tuple(self._channels[group] for group in self._groups)
         lengths = ["m" if slides else "rad" for slides in robot.slides]
         self._units = (*lengths, *(f"{unit}/s" for unit in lengths), *["rad/s"] * 3, *["m/s²"] * 3)
-        self._units += ("N", "N", "N", "Nm", "Nm", "Nm") * n
+        self._units += WRENCH * n
         self.reset()
 
     def _set_ranges(self, robot: Robot) -> None:
@@ -160,7 +159,7 @@ class Plausibility:
         self.stamps.reset()
         self._identical, self._changed_at, self._sudden = 0, math.nan, False
         self._older: Array | None = None  # readings before the last ones
-        self._lasting = np.zeros(len(self._channels))
+        self._last_for(np.zeros(len(self._channels)))
         self._unformed = ""  # what is wrong with the wrenches on the soles as they came
 
     def check(
@@ -208,6 +207,11 @@ class Plausibility:
             self.refused += bool(faults) and not self._faults
         return m, renewed
 
+    def _last_for(self, times: Array) -> None:
+        """Take the times for which sensors have been refused, s; an encoder may have travelled meanwhile."""
+        self._lasting = times
+        self._most[1, : self._na] = self._step + self._speed * times[: self._na]
+
     def _within(self, values: Array, last: Array | None) -> bool:
         """Return True if all numbers are in their ranges and have not jumped from the last ones; False for NaN."""
         self._centres[1] = values if last is None else last
@@ -249,14 +253,12 @@ class Plausibility:
             position, velocity = (numbers_of(measurement, name, (n,)) for name in SIGNALS[:2])
         except (MeasurementError, AttributeError):  # of another shape, or no measurement
             return np.full(n, np.nan), np.full(n, np.nan)
-        good = np.abs(position - self._middle[:n]) <= self._bound[:n]
-        slow = np.abs(velocity) <= self._speed
+        values = np.concatenate((position, velocity))
+        good = np.abs(values - self._middle[: 2 * n]) <= self._bound[: 2 * n]
         if self._faults:
-            refused = self._lasting > 0.0
-            good, slow = good & ~refused[:n], slow & ~refused[n : 2 * n]
-        if good.all() and slow.all():
-            return position, velocity
-        return np.where(good, position, np.nan), np.where(slow, velocity, np.nan)
+            good &= self._lasting[: 2 * n] == 0.0
+        position, velocity = np.split(values if good.all() else np.where(good, values, np.nan), 2)
+        return position, velocity
 
     def _formed(self, m: Any) -> Measurement:
         """Return the measurement with arrays of the right type and shape."""
@@ -297,14 +299,11 @@ class Plausibility:
         beyond = np.abs(values - self._middle)[numbers] / self._bound[numbers]
         worst = int(numbers[np.argmax(np.nan_to_num(beyond, nan=np.inf))])
         why = self._unformed if channel >= 2 * self._na + 2 else ""
-        value, middle, bound = float(values[worst]), float(self._middle[worst]), float(self._bound[worst])
+        value, (middle, last) = float(values[worst]), self._centres[:, worst].tolist()
+        bound, travel = self._most[:, worst].tolist()
         low, high = middle - bound, middle + bound
         jump = low <= value <= high
-        if jump and self._values is not None:
-            last = float(self._values[worst])
-            travel = self.settings.gyro_jump
-            if worst < self._na:
-                travel = float(self._step[worst] + self._speed[worst] * self._lasting[worst])
+        if jump:
             low, high = max(low, last - travel), min(high, last + travel)
         return Refusal(self.names[worst], value, low, high, self._units[worst], jump, why)
 
@@ -320,14 +319,14 @@ class Plausibility:
         self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None
     ) -> Measurement:
         """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
-        na, last, wrong = self._na, self._values, self._wrong(values)
+        na, last, wrong = self._na, self._values, ~(self._excess <= 0.0).all(axis=0)  # NaN is wrong
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
         self.reasons = tuple(self._reason(channel, values, wrong) for channel in np.flatnonzero(bad).tolist())
         self._unformed = ""
         self._say(m.time, self.reasons)
-        self._lasting = np.where(bad, self._lasting + dt, 0.0)
+        self._last_for(np.where(bad, self._lasting + dt, 0.0))
         self._faults = names
         if not names:
             self._values = values
@@ -345,16 +344,6 @@ class Plausibility:
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
         return replace(m, **arrays | ({"sole_wrench": None} if lost else {}))
-
-    def _wrong(self, values: Array) -> NDArray[np.bool_]:
-        """Return which numbers are beyond their ranges, or too far from the last ones."""
-        na, last, gyro = self._na, self._values, self._gyro
-        wrong: NDArray[np.bool_] = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
-        if last is not None:  # an encoder may have travelled while it was refused
-            travel = self._step + self._speed * self._lasting[:na]
-            wrong[:na] |= ~(np.abs(values[:na] - last[:na]) <= travel)
-            wrong[gyro] |= ~(np.abs(values[gyro] - last[gyro]) <= self.settings.gyro_jump)
-        return wrong
 
     def _predicted(
         self, values: Array, bad: NDArray[np.bool_], dt: float, others: NDArray[np.bool_]

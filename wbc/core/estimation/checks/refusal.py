@@ -30,11 +30,11 @@ class Refusal(NamedTuple):
     """
 
     sensor: str
-    value: float
-    low: float
-    high: float
-    unit: str
-    jump: bool
+    value: float = math.nan
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+    jump: bool = False
     why: str = ""
 
     def __str__(self) -> str:
