@@ -28,6 +28,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
+from wbc.sim.plant.model import aim
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
@@ -140,6 +141,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         self._actions: list[Array] = []  # of the present episode
         self._over = False  # the present episode has ended
         self._last: Seen | None = None  # observation
+        self._reached = self._height = 0.0  # way so far, and height of the CoM at the start of a stand, m
         self._hooks: Sequence[TrialHook] = ()  # of the present episode, until its end
 
     def reset(
@@ -210,9 +212,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         if self._renderer is None:
             with opening():
                 self._renderer = mujoco.Renderer(plant.model, PICTURE[1], PICTURE[0])
-        camera, height = mujoco.MjvCamera(), float(plant.robot.half_sitting[2])
-        camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
-        camera.lookat[:] = plant.truth().com
+        camera = mujoco.MjvCamera()
+        aim(camera, float(plant.robot.half_sitting[2]), plant.truth().com)
         self._renderer.update_scene(plant.data, camera)
         pixels: Pixels = self._renderer.render()
         return pixels

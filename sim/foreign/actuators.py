@@ -22,6 +22,13 @@ INTEGRATED = {
 """Integrators under which servos of the file act on the velocity at the end of a step, or on that and the position."""
 
 
+DRIVES = ("motor", "position", "velocity")
+"""Names of the kinds of actuators; the first one of a joint takes its feed-forward."""
+
+MOTOR, POSITION, VELOCITY = range(3)
+"""Their numbers."""
+
+
 class JointActuators:
     """Actuators of the robot's joints, as the file has them.
 
@@ -44,6 +51,7 @@ class JointActuators:
     Attributes:
         servo: True for joints with a position servo in the file, shape (na,).
         kinds: Name of each joint's drive: "motor", "position", "velocity", "none" or a sum of these.
+        bare: Numbers of the joints without an actuator, but for passive ones.
         applied: Torques that were put on joints without an actuator in the last step, shape (na,), Nm.
     """
 
@@ -70,21 +78,22 @@ class JointActuators:
         self._gear = np.array([each.gear for each, _ in found])
         self._gain = np.array([each.gain for each, _ in found], dtype=np.float64)
         self._bias = np.array([each.bias for each, _ in found]).reshape(-1, 3)
-        names = np.where(self._bias[:, 1] != 0.0, 1, np.where(self._bias[:, 2] != 0.0, 2, 0))
+        position, velocity = (self._bias[:, term] != 0.0 for term in (1, 2))
+        drives = np.where(position, POSITION, np.where(velocity, VELOCITY, MOTOR))
         self._main = np.zeros(len(found), dtype=bool)  # takes the feed-forward: the motor if there is one
         self.servo = np.zeros(na, dtype=bool)
         kinds: list[list[str]] = [[] for _ in range(na)]
         for joint in range(na):
             mine = np.flatnonzero(self._joints == joint)
             if mine.size:
-                self._main[mine[np.argmin(names[mine])]] = True
-                self.servo[joint] = bool((names[mine] == 1).any())
-            kinds[joint] = [("motor", "position", "velocity")[names[i]] for i in mine]
+                self._main[mine[np.argmin(drives[mine])]] = True
+                self.servo[joint] = bool(position[mine].any())
+            kinds[joint] = [DRIVES[drives[i]] for i in mine]
         self._no_servo = np.zeros_like(self.servo)
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
         idle = set(description.passive)  # what moves them is not a drive
         bare = [i for i, name in enumerate(self._names) if not kinds[i] and name not in idle]
-        self._bare = np.array(bare, dtype=np.intp)
+        self.bare = np.array(bare, dtype=np.intp)
         self.applied = np.zeros(na)
         tree = np.flatnonzero(places.of_robot[model.dof_bodyid]).tolist()
         self._tree = np.array(tree, dtype=np.intp)
@@ -133,10 +142,10 @@ class JointActuators:
         data.ctrl[self._controls] = (force - own) / self._gain
         if self._spare.size:
             data.ctrl[self._spare] = 0.0
-        if self._bare.size:
-            clipped = np.clip(torque, *self._limits)[self._bare]
-            self.applied[self._bare] = clipped
-            data.qfrc_applied[self._dof[self._bare]] = clipped
+        if self.bare.size:
+            clipped = np.clip(torque, *self._limits)[self.bare]
+            self.applied[self.bare] = clipped
+            data.qfrc_applied[self._dof[self.bare]] = clipped
 
     def _joint_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
         """Return what motors are to give, shape (na,), Nm: beside a servo of the file its feed-forward alone."""
@@ -174,7 +183,7 @@ class JointActuators:
     def switch_off(self, data: mujoco.MjData) -> None:
         """Take the controls and torques of the last command away, and what actuators keep of it."""
         data.ctrl[self._controls] = 0.0
-        data.qfrc_applied[self._dof[self._bare]] = 0.0
+        data.qfrc_applied[self._dof[self.bare]] = 0.0
         data.act[self._lagging()[0]] = 0.0
         self.begin(data)
 

@@ -28,7 +28,8 @@ from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise, SensorVector
 from wbc.sim.simulation.simulation import GroundTruth, Simulation, lowest_sole_point
 
 FASTEST = 1e4
-"""Speed of a joint, rad/s, or of the base, m/s, from which on a simulation has diverged."""
+"""Speed of a joint, rad/s, or of the base, m/s, from which on a simulation has diverged: 95,000 revolutions a minute
+are far beyond any drive."""
 
 STATE_ERROR = 1e-4
 """Error with which an engine keeps what it was put into, m, rad, and their speeds: single precision suffices."""

@@ -36,9 +36,7 @@ ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARE
 def drive_notes(description: RobotDescription, robot: Robot, actuators: JointActuators) -> Iterator[str]:
     """Yield notes on joints without an actuator, and on controls that end before the torque limits."""
     names = description.joint_names
-    pairs = zip(names, actuators.kinds, strict=True)
-    bare = [name for name, kind in pairs if kind == "none" and name not in description.passive]
-    if bare:
+    if bare := [names[i] for i in actuators.bare]:
         some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
         yield f"{len(bare)} joints without an actuator get their torque directly: {some}"
     least, most = actuators.reach(robot.half_sitting[7:])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError
 from wbc.base.hull import convex_hull
-from wbc.base.numbers import ROUNDING
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
@@ -206,6 +206,12 @@ def drawing_model(description: RobotDescription, robot: Robot, terrain: Terrain)
     add_visuals(spec, description, robot)
     add_stage(spec)
     return compiled(spec, robot.name)
+
+
+def aim(camera: mujoco.MjvCamera, height: float, target: Sequence[float] | Array) -> None:
+    """Let a camera look at a target, (3,), m, from the side and ahead of a robot whose hip or CoM is at a height, m."""
+    camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
+    camera.lookat[:] = target
 
 
 def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:

@@ -17,7 +17,6 @@ After that `make_scene("post", distance=0.4)`, `Plant(scene="post")` and `wbc wa
 
 from __future__ import annotations
 
-import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -74,11 +73,6 @@ class Scene(ABC):
     seen: ClassVar[bool] = False
 
     friction: NonNegative = param(0.7, "Coulomb coefficient of its surface")
-
-    @classmethod
-    def summary(cls) -> str:
-        """Return the first line of the scene's documentation."""
-        return (inspect.getdoc(cls) or "").splitlines()[0]
 
     @abstractmethod
     def build(self, spec: mujoco.MjSpec) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.base.drawing import import_matplotlib
 from wbc.base.files import save_figure
+from wbc.base.registry import first_line
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.render import AREA_COLOURS
@@ -35,10 +36,8 @@ def plot_terrain(ground: Terrain, path: str | Path) -> None:
     image = _draw_map(top, ground, ground.extent)
     top.axhline(0.0, color="tab:red")
     top.set_ylabel("y (m)")
-    top.set_title(
-        f"{ground.name}: amplitude {1e3 * ground.amplitude:.3g} mm, seed {ground.seed} - {ground.parameters.summary()}",
-        fontsize=9,
-    )
+    about = f"amplitude {1e3 * ground.amplitude:.3g} mm, seed {ground.seed} - {first_line(type(ground.parameters))}"
+    top.set_title(f"{ground.name}: {about}", fontsize=9)
     figure.colorbar(image, ax=top, label="z (mm)")
     xs, zs = ground.profile(x0, x1, step=0.001)
     below.fill_between(xs, 1e3 * zs, 1e3 * zs.min(), color="0.75")

@@ -17,6 +17,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
+from wbc.base.registry import first_line
 from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -261,7 +262,7 @@ class Terrain:
         map_ = ground.field
         return {
             "terrain": self.name,
-            "summary": self.parameters.summary(),
+            "summary": first_line(type(self.parameters)),
             "amplitude_m": self.amplitude,
             "seed": self.seed,
             "parameters": {

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from wbc.sim.trial.spec import TrialResult
-from wbc.sim.walks.spec import WalkSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,17 +214,3 @@ def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
     """
     weighted = (3.0, zmp_error.mean), (9.0, zmp_error.std), (3.0, com_error.mean), (9.0, com_error.std)
     return -(10.0 * remaining + sum(weight * (value or 0.0) for weight, value in weighted))
-
-
-def identity(spec: WalkSpec) -> dict[str, Any]:
-    """Return the fields of a result that identify the walk."""
-    stiffness = getattr(spec.foot_design(), "stiffness", None)
-    return {
-        "robot": spec.robot,
-        "foot": spec.foot,
-        "sole_stiffness": None if stiffness is None else float(stiffness),
-        "policy": spec.scheduling[0],
-        "terrain": spec.terrain,
-        "amplitude": spec.ground().amplitude,
-        "seed": spec.seed,
-    }

@@ -33,10 +33,7 @@ estimator takes its place (sections II-C and IV-B, Table II)."""
 Eyes = Literal["none", "depth", "toes"]
 """Eyes of a walk: none, a depth camera, or range sensors at the toes."""
 
-DERIVED = {
-    "mode": "the option 'mode'",
-    "physics.timestep": "the option 'timestep'",
-}
+DERIVED = {"mode": "the option 'mode'", "physics.timestep": "the option 'timestep'"}
 """Settings that follow from others: name of the setting → the one to change instead."""
 
 

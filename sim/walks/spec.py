@@ -10,15 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.base.errors import InputError, shown
-from wbc.base.settings import (
-    Angle,
-    Changes,
-    NonNegative,
-    Number,
-    Seed,
-    as_changes,
-    settings,
-)
+from wbc.base.settings import Angle, Changes, NonNegative, Number, Seed, as_changes, settings
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import changed_foot, foot_changes

@@ -36,7 +36,7 @@ from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved_configuration
 from wbc.sim.walks.presets import over, plan_over
-from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
+from wbc.sim.walks.result import WalkResult, WallClock, objective
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
@@ -159,12 +159,19 @@ class WalkTrial(Trial[Any, WalkResult]):
 
     def result(self) -> WalkResult:
         """Return the result of the walk."""
-        control, arrival, outcome = self.control, self._arrival, self._outcome()
+        spec, control, arrival, outcome = self.spec, self.control, self._arrival, self._outcome()
+        stiffness = getattr(spec.foot_design(), "stiffness", None)
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         planned = len(self._prepared.plan) or control.steps_done
         figures = self.meter.figures()
         return WalkResult(
-            **(identity(self.spec) | {"policy": self._policy}),
+            robot=spec.robot,
+            foot=spec.foot,
+            sole_stiffness=None if stiffness is None else float(stiffness),
+            policy=self._policy,
+            terrain=spec.terrain,
+            amplitude=spec.ground().amplitude,
+            seed=spec.seed,
             outcome=outcome,
             steps_planned=planned,
             steps_done=control.steps_done,

@@ -12,6 +12,7 @@ from properties import examples
 
 import wbc
 from wbc.base.errors import InputError
+from wbc.base.registry import first_line
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, make_scene
@@ -265,4 +266,4 @@ def test_things_are_within_their_bounds_and_have_a_line_about_themselves() -> No
         else:
             with pytest.raises(InputError):
                 make_scene("rail", width=width)
-    assert type(make_scene("wall")).summary() == "A wall to lean against."
+    assert first_line(type(make_scene("wall"))) == "A wall to lean against."

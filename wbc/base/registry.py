@@ -188,6 +188,11 @@ def _place(value: Any) -> Any:
     return getattr(value, "__module__", None), getattr(value, "__qualname__", None)
 
 
+def first_line(kind: object) -> str:
+    """Return the first line of the documentation of a class."""
+    return (inspect.getdoc(kind) or "").splitlines()[0]
+
+
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:
     """Call a function, `what` in messages, with named parameters, after a check that they fit."""
     known = inspect.signature(make).parameters.values()

@@ -20,7 +20,6 @@ After that `terrain("waves", amplitude=0.02, wavelength=0.5)` works everywhere.
 
 from __future__ import annotations
 
-import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -84,11 +83,6 @@ class Family(ABC):
                     f"{self.name}: {other} ({getattr(self, other):g}) must not exceed "
                     f"{f.name} ({getattr(self, f.name):g})"
                 )
-
-    @classmethod
-    def summary(cls) -> str:
-        """Return the first line of the family's documentation."""
-        return (inspect.getdoc(cls) or "").splitlines()[0]
 
     @property
     @abstractmethod

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -14,6 +13,7 @@ from wbc.app.arguments import Fields, attribute_docs
 from wbc.app.commands.terrain import ground_of
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.errors import InputError
+from wbc.base.registry import first_line
 from wbc.base.settings import (
     NonNegative,
     Positive,
@@ -123,7 +123,7 @@ def _list(robot: str | None, output: Output) -> Report:
                 fits[each] = fit_facts(design.fit(sole))
             except InputError as error:
                 fits[each] = {"error": str(error)}
-        about = (inspect.getdoc(type(design)) or "").splitlines()[0]
+        about = first_line(type(design))
         listed.append({"name": name, "summary": about, "fits": fits, "parameters": parameters(design)})
     return output.report({"feet": listed}, "\n".join(_lines(listed)))
 

@@ -13,6 +13,7 @@ from wbc.app.arguments import Fields
 from wbc.app.files import check_picture
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.errors import InputError
+from wbc.base.registry import first_line
 from wbc.base.settings import NonNegative, read_changes, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
@@ -117,7 +118,7 @@ def _described(name: str, kind: Any) -> dict[str, Any]:
         unit, choices = unit_and_choices(kind, field.name)
         row = {"name": field.name, "default": field.default, "unit": unit or "1"}
         found.append(row | {"about": field.metadata["about"], "choices": choices})
-    return {"name": name, "summary": kind.summary(), "parameters": found}
+    return {"name": name, "summary": first_line(kind), "parameters": found}
 
 
 def _named_roughness(ground: Terrain) -> dict[str, float]:

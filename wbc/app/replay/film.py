@@ -25,6 +25,7 @@ from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.numbers import lag_gain
 from wbc.base.settings import Positive
+from wbc.sim.plant.model import aim
 
 Pixels = NDArray[np.uint8]
 """A picture, shape (height, width, 3)."""
@@ -114,8 +115,7 @@ def render_video(
 def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int, int]) -> Iterator[Pixels]:
     height = replay.scale.height
     camera, places = mujoco.MjvCamera(), replay.base_places
-    camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
-    camera.lookat[:] = (*places[0, :2], replay.floor + 0.85 * height)
+    aim(camera, height, (*places[0, :2], replay.floor + 0.85 * height))
     share = lag_gain(1.0 / rate, FOLLOW_TIME)
     with renderer(replay.model, *size) as drawn:
         for tick in ticks:

@@ -14,6 +14,7 @@ import mujoco.viewer
 from wbc.app.view.base import View, ViewError
 from wbc.app.view.marks import Picture
 from wbc.app.view.mujoco_marks import MujocoMarks, paint_bodies
+from wbc.sim.plant.model import aim
 
 PATIENCE = 10.0
 """Longest time that a window may take for its last frame, s."""
@@ -46,9 +47,8 @@ class MujocoView(View):
             )
         except RuntimeError as error:  # macOS asks for mjpython
             raise ViewError(f"MuJoCo's viewer cannot be opened: {error}") from error
-        height, camera = self.run.stage.scale.height, self._window.cam
-        camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
-        camera.lookat[2] = self.run.stage.floor + 0.85 * height
+        height = self.run.stage.scale.height
+        aim(self._window.cam, height, (0.0, 0.0, self.run.stage.floor + 0.85 * height))
         self._marks = MujocoMarks(self._window.user_scn)
         self._telling = threading.Thread()
         self._threads = {*threading.enumerate()} - before  # that draws
