@@ -374,6 +374,40 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
+def test_footsteps_closer_together_than_steps_of_a_velocity_may_be_are_met_in_their_time(
+    share: float,
+) -> None:
+    made, time, width = decision(), SETTINGS.step_time, 0.8 * SETTINGS.gap
+    wish = steps_of_velocity((0.2, 0.0), width, _stance(made, (0.0, 0.0), time))
+    inwards = width / (1.0 + math.exp(OMEGA * time))
+    wish = wish._replace(offsets=tuple(-inwards if k % 2 else b for k, b in enumerate(wish.offsets)))
+    fallen = math.exp(-OMEGA * time * (1.0 - share))
+    end = wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]
+    stance = _stance(made, (fallen * end[0], fallen * end[1]), share * time)
+    stance = stance._replace(swing=(-wish.places[0], width, 0.0, 0.0))
+    made.decide(stance, wish, 1.2 * time, None, promised=True)
+    assert made.end == pytest.approx(time, abs=1e-5)
+    assert made.missed == pytest.approx(0.0, abs=1e-6)
+    made.decide(stance, wish, 1.2 * time, None)
+    assert made.missed > 0.1 * SETTINGS.gap, "those of a velocity stay apart"
+
+
+def test_a_step_that_legs_need_longer_for_lands_where_the_pendulum_is_then() -> None:
+    """With the centre of pressure at its edge: the more so the later the step ends."""
+    made, time = decision(), SETTINGS.step_time
+    made.area.ahead, made.area.aside = [-0.05, 0.05], [-0.02, 0.02]
+    stance = _stance(made, (0.12, 0.04), 0.0)._replace(swing=(-0.4, 0.22, 0.0, 0.0))
+    wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, stance)
+    made._time_for_legs = lambda *_: 0.45  # type: ignore[method-assign]
+    made.decide(stance, wish, 0.5, None)
+    assert made.end == pytest.approx(0.45) and 1.05 * time < 0.45
+    shift = np.array(made._program.x[6:8])
+    assert math.hypot(*shift) > 0.02
+    there = shift + math.exp(OMEGA * made.end) * (np.array([stance.dcm.x, stance.dcm.y]) - shift)
+    np.testing.assert_allclose(made._program.x[:2] + made._program.x[11:13], there, atol=1e-6)
+
+
 @pytest.mark.parametrize("off", [(0.3, 0.0), (-0.3, 0.0), (0.4, -0.1)])
 def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: tuple[float, float]) -> None:
     """Slow steps, over which an error grows by more than 300 until the last offset of the program."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import qpsolvers
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pendulum import com_after
 from properties import examples
@@ -141,6 +141,35 @@ def test_the_shift_lands_the_pendulum_where_the_program_says(ahead: float, aside
     contact = np.array(step.shift) + (0.004, -0.003)
     there = contact + (dcm - contact) * math.exp(OMEGA * step.left)
     np.testing.assert_allclose(program.x[:2] + program.x[11:13], there, atol=1e-4)
+
+
+@examples(30)
+@given(offsets, offsets, st.floats(0.0, 0.25), velocities)
+@example(0.02, -0.07, 0.0, (0.2, 0.0))
+@example(0.05, -0.06, 0.05, (0.0, 0.0))
+def test_solutions_that_follow_each_other_find_the_best_of_all_times(
+    ahead: float, aside: float, elapsed: float, velocity: tuple[float, float]
+) -> None:
+    """Also where the centre of pressure goes past ξ, so that a longer step brings it back.
+
+    For one time alone the equations are linear, so that one solution is exact.
+    """
+    wish, left, times = wish_of(velocity, 1.0), TIME - elapsed, (max(0.1 - elapsed, 0.0), 0.45 - elapsed)
+    dcm = tuple(start_of(wish) * math.exp(OMEGA * elapsed) + (ahead, aside))
+    contact, bounds = (0.004, -0.003), Bounds(LEGS, SOLE, (0.02, 0.01), times)
+    if dcm[1] < SOLE[0][1] + contact[1]:
+        return  # nothing brings it back
+    program, now = StepProgram(HEIGHT), Now(dcm, contact, OMEGA, left, left)
+    for _ in range(15):
+        step = program.solve(now, wish, bounds)
+        assert step is not None
+        now = now._replace(last=step.left, shift=step.shift)
+    best, costs = StepProgram(HEIGHT), []
+    for time in np.linspace(*times, 60):
+        one = bounds._replace(times=(time, time))
+        if best.solve(Now(dcm, contact, OMEGA, left, time), wish, one) is not None:
+            costs.append(_cost(best))
+    assert _cost(program) <= min(costs) + 1e-5
 
 
 @examples(30)

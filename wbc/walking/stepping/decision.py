@@ -168,6 +168,8 @@ class StepDecision:
         beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
         self._put_down = (self._put_down or self._puts_down(stance, runs)) if beyond else None
         bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
+        if promised and not self.closes:
+            bounds = bounds.containing(wish.places)
         step, bounds = self._solve(stance, now, wish, bounds, longest, promised=promised)
         if step is None:
             if self._decided:
@@ -198,6 +200,7 @@ class StepDecision:
             omega=stance.dcm.omega,
             left=left,
             last=max(self.end - stance.elapsed, 0.0) if self._decided else left,
+            shift=(self._wanted[0], axes.side * self._wanted[1]),
         )
 
     def _solve(
@@ -214,7 +217,7 @@ class StepDecision:
             self._delayed_end = None if later is None else elapsed + later
             if later is not None and later > step.left and not self.closes:  # ξ goes on until then
                 bounds = bounds.after(later)
-                step = solve(now._replace(last=step.left), wish, bounds) or step
+                step = solve(now._replace(last=later, shift=step.shift), wish, bounds) or step
         return step, bounds
 
     def _keep_landing(self, now: Now, wish: Wish, bounds: Bounds, *, climbs: bool) -> Step | None:
@@ -224,7 +227,7 @@ class StepDecision:
         holds it; beyond the supported area it does not, and to move this landing costs less than to move the next one.
         """
         place, program = (wish.places[0], wish.places[1]), self._program
-        box = _box(place, place, bounds)
+        box = _box(place, bounds)
         step = program.solve(now, wish, bounds, box)
         if step is None:
             return program.solve(now, wish, bounds)
@@ -234,7 +237,7 @@ class StepDecision:
         y = _beyond(off[1], least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
             return step
-        box = _box((place[0] + x, place[1] + y), place, bounds)
+        box = _box((place[0] + x, place[1] + y), bounds)
         return program.solve(now, wish, bounds, box) or step
 
     def _bounds(
@@ -381,14 +384,10 @@ def _beyond(off: float, low: float, high: float) -> float:
     return math.copysign(min(max(2.0 * (abs(off) - most), 0.0), abs(off)), off)
 
 
-def _box(place: Point, asked: Sequence[float], bounds: Bounds) -> tuple[Point, Point]:
-    """Return the least and the greatest landing about a place, m, within bounds that contain the one asked for."""
-    least, most = [], []
-    for at, wish, low, high in zip(place, asked, *bounds.places, strict=False):
-        kept = min(max(at, min(low, wish)), max(high, wish))
-        least.append(kept - TOLERANCE)
-        most.append(kept + TOLERANCE)
-    return (least[0], least[1]), (most[0], most[1])
+def _box(place: Point, bounds: Bounds) -> tuple[Point, Point]:
+    """Return the least and the greatest landing about a place, m, within bounds."""
+    x, y = (_within(at, low, high) for at, low, high in zip(place, *bounds.places, strict=True))
+    return (x - TOLERANCE, y - TOLERANCE), (x + TOLERANCE, y + TOLERANCE)
 
 
 def steps_of_velocity(velocity: Point, width: float, stance: StepState) -> Wish:

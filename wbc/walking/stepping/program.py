@@ -3,13 +3,14 @@
 In the heading's axes, ahead and outwards (towards the foot that swings, and so mirrored from step to step), about the
 carrying point of the stance foot, with the DCM ξ, the contact point z and the time t that is left:
 
-    s0 + b0 = z + (ξ − z) τ + d0 (1 − τ')         τ = e^{ωt},  τ' that of the last solution
+    s0 + b0 = z + (ξ − z − d') τ + d0 (1 − τ') + d' τ'      τ = e^{ωt},  τ' and d' those of the last solution
     s1 + b1 = d1 + E (b0 − d1)                    E = e^{ωT}
     s2 + b2 = E b1
     min  |s − s*|² + c_τ (τ/τ* − 1)² + c_b |b − b*|² + c_d |d|²
 
-The equations of s1 and s2 are those ahead; outwards their b0 and b1 on the right have the opposite sign, as outwards is
-the other side in the next step.
+That of s0 is s0 + b0 = z + (ξ − z) τ + d0 (1 − τ), linear about the last solution: where d' is past ξ, the centre of
+pressure brings ξ back, and the more so the longer the step is. The equations of s1 and s2 are those ahead; outwards
+their b0 and b1 on the right have the opposite sign, as outwards is the other side in the next step.
 
 17 unknowns: three steps s from foot to foot, shifts d of the centre of pressure in this step and in the next, the time
 as τ/τ*, and the offsets b of ξ from the feet that land. s* are the steps that are asked for, b* and τ* those of their
@@ -23,6 +24,7 @@ sole it is a walk along footsteps. Source of time and place in one program: Khad
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import daqp
@@ -58,6 +60,7 @@ class Now(NamedTuple):
         omega: Natural frequency ω, 1/s.
         left: Time that is left of a step of the time T, s: τ*.
         last: The same by the last solution: τ'.
+        shift: Shift of the centre of pressure by it, ahead and outwards, m: d'.
     """
 
     dcm: Point
@@ -65,6 +68,7 @@ class Now(NamedTuple):
     omega: float
     left: float
     last: float
+    shift: Point = (0.0, 0.0)
 
     def landing(self, time: float, wish: Wish) -> Point:
         """Return the place, ahead and outwards, m, from which ξ has the offset of a wish after a time, s."""
@@ -99,6 +103,14 @@ class Bounds(NamedTuple):
         """Return the same limits of a step for which a time, s, is left at least."""
         least, most = self.times
         return self._replace(times=(max(least, time), max(most, time)))
+
+    def containing(self, places: Sequence[float]) -> Bounds:
+        """Return limits that three steps are within, ahead and outwards in turn, m: footsteps may be close together."""
+        (x, y), (u, v) = self.places
+        ahead, outwards = places[::2], places[1::2]
+        return self._replace(
+            places=((min(x, *ahead), min(y, *outwards)), (max(u, *ahead), max(v, *outwards)))
+        )
 
 
 class Step(NamedTuple):
@@ -138,16 +150,16 @@ class StepProgram:
             bounds: Limits of this step, and of the next ones' places.
             landing: Least and greatest place of this step, m, in place of that of the bounds.
         """
-        rows, low, high, (dcm, z, omega, left, last) = self._rows, self._lower, self._upper, now
+        rows, low, high, (dcm, z, omega, left, last, shift) = self._rows, self._lower, self._upper, now
         growth, tau, before = math.exp(omega * wish.time), math.exp(omega * left), math.exp(omega * last)
         x = self.x
         x[PLACES], x[SHIFT.start : TIME], x[TIME], x[OFFSETS] = wish.places, 0.0, 1.0, wish.offsets
         np.multiply(self._costs, -x, out=self._gradient)
         for i, mirror in enumerate((1.0, -1.0)):
-            rows[i, SHIFT.start + i], rows[i, TIME] = before - 1.0, -(dcm[i] - z[i]) * tau
+            rows[i, SHIFT.start + i], rows[i, TIME] = before - 1.0, -(dcm[i] - z[i] - shift[i]) * tau
             rows[2 + i, NEXT_SHIFT.start + i] = growth - 1.0
             rows[2 + i, OFFSETS.start + i] = rows[4 + i, OFFSETS.start + 2 + i] = -growth * mirror
-            low[17 + i] = high[17 + i] = z[i]
+            low[17 + i] = high[17 + i] = z[i] + shift[i] * before
         (low[0:2], high[0:2]), (low[SHIFT], high[SHIFT]) = bounds.places, bounds.area
         low[2:4] = low[4:6] = low[0:2]
         high[2:4] = high[4:6] = high[0:2]
