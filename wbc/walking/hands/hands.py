@@ -269,8 +269,8 @@ class Hands:
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
         """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
         each = self.all[hand]
-        stays = at is None or each.state is HandState.HOLD
-        own = self._zmp_moved(along, each.destination if stays else at)  # by 1 N of this hand
+        place = each.destination if at is None or each.state is HandState.HOLD else at
+        own = self._zmp_moved(along, place)  # by 1 N of this hand
         held = np.zeros(2)  # by the other hands
         for other in self.all.values():
             if other is not each and other.active:

@@ -83,10 +83,7 @@ class StepAdjuster:
     def adjust(self, swing: PlannedSwing, elapsed: float, dcm: complex) -> tuple[Footstep, float]:
         """Return landing and time to touch-down, s; as planned where a ZMP within the stance foot is enough.
 
-        Args:
-            swing: Swing as planned.
-            elapsed: Time since lift-off, s.
-            dcm: Measured DCM in the world, x + iy, m.
+        `elapsed` is the time since lift-off, s, `dcm` the measured DCM in the world, x + iy, m.
         """
         s, omega, step, stance = self.settings, self._omega, swing.landing, swing.stance
         remaining = swing.duration - elapsed

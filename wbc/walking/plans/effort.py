@@ -57,12 +57,7 @@ class SwingLeg(NamedTuple):
 def swing_effort(leg: SwingLeg, gait: StepGait, begin: float, end: float, aside: float) -> float:
     """Return what a swing on level ground asks of a leg over what it has, for a full step.
 
-    Args:
-        leg: The leg.
-        gait: Timings and height of the swing.
-        begin: Place from which the foot lifts, ahead of the foot that stands, m.
-        end: Place where it lands, m.
-        aside: Way to the side, m.
+    The foot lifts at a place ahead of the one that stands, m, and lands at another, with a way to the side, m.
     """
     time, lift = gait.single_support, gait.apex * gait.single_support
     travel = time - gait.takeoff_time - gait.landing_time

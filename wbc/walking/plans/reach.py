@@ -145,10 +145,7 @@ class Reach:
             beside = min(beside + CLEARING, self.max_spacing)
 
     def effort(self, gait: StepGait, begin: float, end: float, aside: float) -> float:
-        """Return what a step on level ground asks of hip and knee over what they give; see `wbc.walking.plans.effort`.
-
-        The foot lifts at a place ahead of the one that stands, m, and lands at another, with a way to the side, m.
-        """
+        """Return what a step on level ground asks of hip and knee over what they give; see `swing_effort`."""
         share = max(abs(end) / self.max_length, gait.swing_height / self.max_swing_height)
         return share * swing_effort(self.leg, gait, round(begin, 3), round(end, 3), round(aside, 3))
 
