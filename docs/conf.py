@@ -107,9 +107,13 @@ def change_source(app: Sphinx, docname: str, source: list[str]) -> None:
     kept = {name.lower() for name in re.findall(r"^### (\w+)$", text, re.MULTILINE)}
 
     def to_class(found: re.Match[str]) -> str:
-        """Link to the entry of a class whose table of members is left out."""
-        there = found[2] in paths and ("(wbc.md#" in found[0] or found[2] not in kept)
-        return f"{{py:obj}}`{found[1].replace('`', '')} <{paths[found[2]]}>`" if there else found[0]
+        """Link to the entry of a class whose table of members is left out: on the page of its room, if that has it."""
+        if found[2] not in paths or ("(wbc.md#" not in found[0] and found[2] in kept):
+            return found[0]
+        room, _, name = paths[found[2]].rpartition(".")
+        thing = getattr(import_module(room), name)
+        room = next((each.__name__ for each in rooms() if getattr(each, name, None) is thing), room)
+        return f"{{py:obj}}`{found[1].replace('`', '')} <{room}.{name}>`"
 
     text = INSIDE.sub(to_class, text)
     if entries := list(_entries(source[0], docname)):

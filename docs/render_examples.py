@@ -26,25 +26,26 @@ from wbc.sim.trial.trial import TrialHook, TrialTick
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 INSTANTS = {
-    "stand": (1.0, 170.0),
-    "program": (4.6, 130.0),
-    "reach_walking": (4.6, 130.0),
-    "walk": (4.9, 95.0),
-    "drive": (4.6, 150.0),
-    "walk_stones": (5.7, 130.0),
-    "walk_soles": (6.9, 60.0),
-    "walk_stairs": (5.7, 110.0),
-    "step_over_stones": (4.6, 150.0),
-    "own_source": (3.3, 160.0),
-    "own_robot": (1.0, 130.0),
-    "hands/carry": (4.0, 110.0),
-    "hands/press": (8.0, 130.0),
+    "stand": (1.0, 150.0, "--robot talos"),
+    "program": (4.6, 130.0, "--robot g1"),
+    "reach_walking": (4.6, 130.0, ""),
+    "walk": (4.9, 95.0, ""),
+    "drive": (4.6, 150.0, ""),
+    "walk_stones": (5.7, 130.0, ""),
+    "walk_soles": (6.9, 60.0, ""),
+    "walk_stairs": (5.7, 110.0, ""),
+    "step_over_stones": (4.6, 150.0, ""),
+    "own_source": (3.3, 160.0, "--robot talos"),
+    "own_robot": (1.0, 130.0, ""),
+    "hands/carry": (4.0, 110.0, ""),
+    "hands/cart": (9.0, 125.0, "--forward 0.5 --back 0.2"),
+    "hands/press": (8.0, 130.0, "--robot talos"),
 }
-"""Time at which each example is drawn, s, and azimuth of the camera, degrees: behind the robot is 0."""
+"""Time at which each example is drawn, s; azimuth of the camera, degrees (behind the robot is 0); arguments."""
 
 NOT_DRAWN = (
     *("arm", "cassie", "handles", "learn", "motion", "other_engine", "without_feet", "two_robots"),
-    *("hands/cart", "hands/door", "hands/one_foot"),
+    *("hands/door", "hands/one_foot"),
 )
 """Examples that are not drawn: they have no plant, a loop of their own or two robots, or take long."""
 
@@ -91,7 +92,7 @@ def photograph(
         return Image.fromarray(drawn.draw(stage, picture, camera))
 
 
-def picture_of(name: str, instant: float, azimuth: float) -> Image.Image:
+def picture_of(name: str, instant: float, azimuth: float, arguments: str) -> Image.Image:
     """Run an example, and take its picture."""
     module, common = importlib.import_module(name.replace("/", ".")), importlib.import_module("_common")
     catcher = Catcher(instant, azimuth)
@@ -104,7 +105,7 @@ def picture_of(name: str, instant: float, azimuth: float) -> Image.Image:
 
     common.Options.watch = watch
     common.Options.hooks = lambda self: [catcher]
-    module.main([])
+    module.main(arguments.split())
     if catcher.picture is None:
         raise RuntimeError(f"{name} ended before {instant:g} s")
     return catcher.picture
@@ -122,9 +123,9 @@ def main() -> None:
     rows = -(-len(INSTANTS) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * SIZE[0], rows * SIZE[1]), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
-    for i, (name, (instant, azimuth)) in enumerate(INSTANTS.items()):
+    for i, (name, drawn) in enumerate(INSTANTS.items()):
         corner = np.array([i % COLUMNS, i // COLUMNS]) * SIZE
-        sheet.paste(picture_of(name, instant, azimuth), tuple(corner.tolist()))
+        sheet.paste(picture_of(name, *drawn), tuple(corner.tolist()))
         pen.text(tuple((corner + (8, 6)).tolist()), f"{name}.py", fill="black", font=font)
     sheet.quantize(128).save(path, optimize=True)
     print(f"wrote {path}")

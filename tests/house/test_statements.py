@@ -148,7 +148,7 @@ def test_the_sheet_of_examples_has_all_that_it_does_not_leave_out(monkeypatch: p
         if not file.stem.startswith("_")
     }
     assert found == {*sheet.INSTANTS, *sheet.NOT_DRAWN}
-    assert len(sheet.INSTANTS) == 13 and "Thirteen of the examples" in text_of("examples/README.md")
+    assert len(sheet.INSTANTS) == 14 and "Fourteen of the examples" in text_of("examples/README.md")
 
 
 def test_exit_codes_are_those_of_the_page(capsys: pytest.CaptureFixture[str]) -> None:

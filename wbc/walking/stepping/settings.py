@@ -80,7 +80,7 @@ class RobotSize:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SteppingConstants:
-    """Constants of the law, in units of the robot; docs/measured_pushes.md has what parts of it are worth."""
+    """Constants of the law, in units of the robot; docs/measured_walks.md has what parts of it are worth."""
 
     # ---- Time and place of a step.
     # Velocity about which steps begin to take longer, because longer steps need more time; velocity from which on they
