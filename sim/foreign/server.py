@@ -123,15 +123,15 @@ class RobotServer:
         except InputError as error:
             logger.warning("%s: the %s", error, "joints are damped" if self._rack is None else "rack holds")
             damped = True
-        if damped:
-            self._command = None
-        elif command is not None:
-            self._command, self._last, self._rack = command, now, None
+        if command is not None and not damped:
+            self._last, self._rack = now, None
         self.silent = now - self._last
-        if self.silent + self.loop.control_period > self._watchdog:
-            self._command = None
         if self._rack is not None:
             self._command = self._rack
+        elif damped or self.silent + self.loop.control_period > self._watchdog:
+            self._command = None
+        elif command is not None:
+            self._command = command
         self.damped = self._command is None
         self._pull()
         try:

@@ -23,13 +23,14 @@ import lzma
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel
+from pydantic import AfterValidator, ConfigDict
+from pydantic.dataclasses import dataclass
 from pydantic_core import from_json, to_jsonable_python
 
 from wbc.base.checked import checked
@@ -58,25 +59,17 @@ def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
-class _Version(BaseModel, strict=True):
-    libraries: dict[str, Any] = {}
+def _with_libraries(version: Mapping[str, Any]) -> Mapping[str, Any]:
+    if not isinstance(version.get("libraries", {}), Mapping):
+        raise ValueError("libraries must be an object of names and versions")
+    return version
 
 
-class _Line(BaseModel, strict=True):
-    """Types of the values of a line; what a result holds is the business of its kind of trial."""
-
-    spec: dict[str, Any]
-    status: Status
-    result: dict[str, Any] | None
-    clock: dict[str, Any] | None
-    error: str | None
-    version: _Version
-    ended: str
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))
 class Entry:
-    """One row of the journal: a trial's spec, status and result, as plain values.
+    """One row of the journal: a trial's spec, status and result, as plain values, whose types are checked.
+
+    What a result holds is the business of its kind of trial.
 
     Attributes:
         spec: Spec of the trial.
@@ -93,7 +86,7 @@ class Entry:
     result: Mapping[str, Any] | None
     clock: Mapping[str, Any] | None
     error: str | None
-    version: Mapping[str, Any]
+    version: Annotated[Mapping[str, Any], AfterValidator(_with_libraries)]
     ended: str = field(default_factory=_now)
 
     @cached_property
@@ -195,8 +188,7 @@ def _entry(line: bytes) -> Entry | None:
         data = from_json(line)
         del data["key"]
         data.pop("sum", None)  # a checksum, which journals of earlier versions have
-        _Line.model_validate(data)
-        return Entry(**data)
+        return Entry(ended=data.pop("ended"), **data)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
