@@ -319,7 +319,8 @@ class Plausibility:
         self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None
     ) -> Measurement:
         """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
-        na, last, wrong = self._na, self._values, ~(self._excess <= 0.0).all(axis=0)  # NaN is wrong
+        na, last = self._na, self._values
+        wrong: NDArray[np.bool_] = ~np.logical_and.reduce(self._excess <= 0.0)  # NaN is wrong
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
