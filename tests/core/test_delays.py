@@ -13,9 +13,9 @@ from task_factory import standing
 
 from wbc import Command, CoMTask, walk
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.estimation.delay import DelayPredictor, SentCommands
+from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.estimation.wrenches import WrenchEstimator
+from wbc.core.estimation.wrenches import SentCommands, WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load

@@ -32,7 +32,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Period
 from wbc.core.drive.control import State
-from wbc.core.estimation.wrenches import TOUCH_DOWN
+from wbc.core.estimation.momentum import TOUCH_DOWN
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import minimum_jerk

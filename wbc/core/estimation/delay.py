@@ -1,4 +1,4 @@
-"""Delays of measurements and commands: the state when a command takes effect, the torques when one was measured.
+"""Delays of measurements and commands: the state when a command takes effect.
 
 A measurement is `measurement_delay` old when it arrives, and a command takes effect `command_delay` after it was sent.
 The commands that act in between are known, and so, by the model, are the accelerations that they cause: the state is
@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.signals import Command, Measurement
 
 
 class DelayPredictor:
@@ -52,46 +51,3 @@ class DelayPredictor:
             step += acts * (left - 0.5 * acts) * acceleration
             left -= acts
         return pin.integrate(self._model, q, step), velocity
-
-
-class SentCommands:
-    """The last commands, for the torque that acted when a measurement was made."""
-
-    def __init__(
-        self, gains: tuple[Array, Array] | None, limits: tuple[Array, Array], dt: float, delay: float
-    ) -> None:
-        """Start without any command, with the least and the greatest torques, each of shape (na,), Nm.
-
-        Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
-        those of measurement and command, s.
-        """
-        whole = int(delay / dt + ROUNDING)
-        self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
-        self._commands: deque[Command] = deque(maxlen=whole + 2)
-        none = np.zeros_like(limits[0])
-        self._own = (none, none) if gains is None else gains
-        self._limits = limits
-
-    def reset(self) -> None:
-        """Forget the commands."""
-        self._commands.clear()
-
-    def sent(self, command: Command) -> None:
-        """Take over the command that is sent now."""
-        self._commands.append(command.copy())
-
-    def torque(self, measurement: Measurement) -> Array | None:
-        """Return the mean torque in the period before a measurement, shape (na,), Nm; None before there is one."""
-        commands = self._commands
-        if not commands:
-            return None
-        if len(commands) < (commands.maxlen or 0):
-            return self._applied(commands[0], measurement)
-        torque = (1.0 - self._part) * self._applied(commands[1], measurement)
-        if self._part > 0.0:
-            torque += self._part * self._applied(commands[0], measurement)
-        return torque
-
-    def _applied(self, command: Command, measurement: Measurement) -> Array:
-        torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
-        return np.asarray(np.clip(torque, *self._limits))

@@ -77,10 +77,31 @@ class FootEstimate:
         the rotation of the base, `spin` its angular velocity in the world, rad/s; `gains` are those of the low-passes
         of load and CoP.
         """
+        dx, dy, taken = self._bear(wrench, gains)
+        x, y = self.cop
+        ((a, b, _), (c, d, _), (e, f, _)), (at_x, at_y, at_z) = sole
+        arm = u, v, w = a * x + b * y, c * x + d * y, e * x + f * y
+        point, axis = (at_x + u, at_y + v, at_z + w), (a, c, e)
+        vx, vy, vz, p, q, r = rate.vector.tolist()
+        turning = p, q, r
+        at_cop = add_cross((vx, vy, vz), turning, arm)
+        step = a * dx + b * dy, c * dx + d * dy, e * dx + f * dy
+        (step_x, step_y, step_z), moving, (p, q, r), reach, ahead = turned_all(
+            base, (step, at_cop, turning, point, axis)
+        )
+        sinking, (anchor_x, anchor_y, anchor_z) = self._sinking, self.anchor
+        self.anchor = anchor_x + step_x, anchor_y + step_y, anchor_z + step_z - sinking.compliance * taken
+        self.rolled += step_z
+        (vx, vy, vz), (spin_x, spin_y, spin_z) = add_cross(moving, spin, reach), spin
+        sinks = sinking.steady * taken / dt if dt > 0.0 else 0.0
+        rotation = p + spin_x, q + spin_y, r + spin_z
+        return SoleMotion((vx, vy, vz + sinks), rotation, arm, point, axis, yaw_of(ahead))
+
+    def _bear(self, wrench: Vector, gains: tuple[float, float]) -> tuple[float, float, float]:
+        """Take in a wrench on the sole; return by how much its CoP moves over the sole, m, and its load grows, N."""
         (_, _, force, roll, pitch, _), (to_load, to_cop) = wrench, gains
         before = self.load
         self.load = before + to_load * (max(force, 0.0) - before)
-        taken = self.load - before
         x = y = 0.0
         if force > self._least:
             length, width = self._half
@@ -88,24 +109,8 @@ class FootEstimate:
             y = min(max(roll / force, -width), width)
         old_x, old_y = self.cop
         dx, dy = to_cop * (x - old_x), to_cop * (y - old_y)
-        self.cop = x, y = old_x + dx, old_y + dy
-        ((a, b, _), (c, d, _), (e, f, _)), (at_x, at_y, at_z) = sole
-        arm = u, v, w = a * x + b * y, c * x + d * y, e * x + f * y
-        point, axis = (at_x + u, at_y + v, at_z + w), (a, c, e)
-        x, y, z, p, q, r = rate.vector.tolist()
-        turning = p, q, r
-        at_cop = add_cross((x, y, z), turning, arm)
-        step = a * dx + b * dy, c * dx + d * dy, e * dx + f * dy
-        (step_x, step_y, step_z), moving, (p, q, r), reach, ahead = turned_all(
-            base, (step, at_cop, turning, point, axis)
-        )
-        sinking = self._sinking
-        x, y, z = self.anchor
-        self.anchor = x + step_x, y + step_y, z + step_z - sinking.compliance * taken
-        self.rolled += step_z
-        (x, y, z), (u, v, w) = add_cross(moving, spin, reach), spin
-        sinks = sinking.steady * taken / dt if dt > 0.0 else 0.0
-        return SoleMotion((x, y, z + sinks), (p + u, q + v, r + w), arm, point, axis, yaw_of(ahead))
+        self.cop = old_x + dx, old_y + dy
+        return dx, dy, self.load - before
 
     def draw(self, place: Vector, yaw: float, share: float) -> None:
         """Draw the anchor and the heading at rest a share of the way to a place in the world, m, and a heading, rad."""

@@ -50,9 +50,11 @@ class InertialSettings:
 UNKNOWN = 1.0
 """Time of a stand, s, for which a gyro bias of zero counts in the first one: a few readings say nothing yet."""
 
-MOST_OFF, NOISE_TIME = 0.01, 0.2
-"""Greatest error of the gyro bias that a tick of a stand tells, rad/s: soles that settle on stones turn at 0.05 rad/s;
-low-pass of the turn of the feet, s, whose change in one tick is the noise of encoders."""
+MOST_OFF = 0.01
+"""Greatest error of the gyro bias that a tick of a stand tells, rad/s: soles turn at 0.05 rad/s on stones."""
+
+NOISE_TIME = 0.2
+"""Low-pass of the turn of the feet, s, whose change in one tick is the noise of encoders."""
 
 STEADY = 0.3
 """Time constant with which the steady velocity follows the legs, s."""

@@ -12,7 +12,7 @@ from pydantic import Field
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.base.vectors import Vector, add_cross
-from wbc.core.estimation.wrenches import LIFT_OFF, TOUCH_DOWN, MomentumResidual
+from wbc.core.estimation.momentum import LIFT_OFF, TOUCH_DOWN, MomentumResidual
 from wbc.core.frames import direction, net_wrench
 from wbc.core.robot import GRAVITY, Robot
 

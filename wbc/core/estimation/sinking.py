@@ -23,15 +23,23 @@ SHIFT = 0.5
 FIRST = 0.3
 """The same for the first change, whose slope counts while it still goes on."""
 
-NEW, STEADY = 0.5, 0.2
-"""Least weight of the last change of the load in the mean of a floor that changes, and in that of a steady one."""
+CHANGING = 0.5
+"""Least weight of the last change of the load in the mean of a floor that changes."""
 
-CLEAR, SURE = 2.0, 0.4
-"""Least mean over the scatter, and time of the changes of the load, s, from which on a compliance is steady."""
+UNCHANGED = 0.2
+"""The same in the mean of a steady floor."""
 
-LEAST, DEEPEST = 0.003, 0.05
-"""Least depth under the whole weight that counts, m: errors of encoders and tilt look the same, and feet that tip on
-stones; and the greatest one: a foot that steps off an edge is lower, too."""
+CLEAR = 2.0
+"""Least mean over the scatter from which on a compliance is steady."""
+
+SURE = 0.4
+"""Time of the changes of the load from which on a compliance is steady, s."""
+
+LEAST = 0.003
+"""Least depth under the whole weight that counts, m: errors of encoders and tilt look the same, and tipping feet."""
+
+DEEPEST = 0.05
+"""Greatest depth under the whole weight that counts, m: a foot that steps off an edge is lower, too."""
 
 
 class Sinking:
@@ -50,7 +58,8 @@ class Sinking:
     def reset(self) -> None:
         """Forget the ground."""
         self.compliance = self.steady = 0.0
-        self._start: tuple[float, float] | None = None
+        self._start: tuple[float, float] | None = None  # of a change of the load that goes on
+        self._lasted = self._products = self._squares = self._far = 0.0  # of this change
         self._count, self._time, self._mean, self._long, self._square = 0, 0.0, 0.0, 0.0, 0.0
 
     @property
@@ -85,8 +94,8 @@ class Sinking:
             return
         found = min(max(self._products / self._squares, -self._most), self._most)
         self._count, self._time = self._count + 1, self._time + self._lasted
-        share, least = max(1.0 / self._count, STEADY), LEAST / self._weight
-        self._mean += max(share, NEW) * (found - self._mean)
+        share, least = max(1.0 / self._count, UNCHANGED), LEAST / self._weight
+        self._mean += max(share, CHANGING) * (found - self._mean)
         self._long += share * (found - self._long)
         self._square += share * (found * found - self._square)
         scatter = math.sqrt(max(self._square - self._long**2, 0.0))

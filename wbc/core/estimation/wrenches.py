@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -22,56 +23,12 @@ import pinocchio as pin
 from scipy.linalg.lapack import dposv
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, lag_gain
+from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive, Share, settings
-from wbc.core.estimation.delay import SentCommands
+from wbc.core.estimation.momentum import LIFT_OFF, TOUCH_DOWN, MomentumResidual
 from wbc.core.frames import frame_jacobian
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Command, Measurement, WrenchSource
-
-
-class MomentumResidual:
-    """Observer of the unknown force on a momentum of some size.
-
-    A momentum h changes by ḣ = f + w, with a known force f and an unknown one w. A first-order observer has w without
-    a measured acceleration, ṙ = K (ḣ − f − r), since only the change of h from tick to tick is needed.
-
-    Source: A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, IROS 2006.
-
-    Attributes:
-        value: The residual r, which estimates the unknown force, shape (size,), N and Nm; the same array always.
-        started: True once there is a momentum to compare the next one with.
-    """
-
-    def __init__(self, size: int, bandwidth: float) -> None:
-        """Start at zero, with the gain K, 1/s."""
-        self.value = np.zeros(size)
-        self._time_constant = 1.0 / bandwidth
-        self._momentum: Array = np.zeros(size)
-        self.started = False
-
-    def reset(self) -> None:
-        """Forget the momentum, and return to zero."""
-        self.value[:], self.started = 0.0, False
-
-    def follow(self, momentum: Array) -> None:
-        """Take over a momentum, shape (size,), without learning from its change."""
-        self._momentum, self.started = momentum, True
-
-    def update(self, momentum: Array, known: Array, dt: float) -> Array:
-        """Return the residual for one more momentum, dt, s, after that which it follows, under a known force."""
-        unknown = (momentum - self._momentum) / dt
-        unknown -= known
-        self._momentum = momentum
-        unknown -= self.value
-        unknown *= lag_gain(dt, self._time_constant)
-        self.value += unknown
-        return self.value
-
-
-TOUCH_DOWN, LIFT_OFF = 0.08, 0.04
-"""Normal force from which a foot in the air has met the ground, and below which one on the ground has left it, as
-shares of the weight."""
 
 ON_TIME = 0.01
 """Share of a control period by which a measurement may come early or late and still count as one period apart."""
@@ -101,6 +58,49 @@ class WrenchSettings:
     bandwidth: Annotated[Positive, "rad/s"] = 80.0
     touch_down: Share = TOUCH_DOWN
     lift_off: Share = LIFT_OFF
+
+
+class SentCommands:
+    """The last commands, for the torque that acted when a measurement was made."""
+
+    def __init__(
+        self, gains: tuple[Array, Array] | None, limits: tuple[Array, Array], dt: float, delay: float
+    ) -> None:
+        """Start without any command, with the least and the greatest torques, each of shape (na,), Nm.
+
+        Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
+        those of measurement and command, s.
+        """
+        whole = int(delay / dt + ROUNDING)
+        self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
+        self._commands: deque[Command] = deque(maxlen=whole + 2)
+        none = np.zeros_like(limits[0])
+        self._own = (none, none) if gains is None else gains
+        self._limits = limits
+
+    def reset(self) -> None:
+        """Forget the commands."""
+        self._commands.clear()
+
+    def sent(self, command: Command) -> None:
+        """Take over the command that is sent now."""
+        self._commands.append(command.copy())
+
+    def torque(self, measurement: Measurement) -> Array | None:
+        """Return the mean torque in the period before a measurement, shape (na,), Nm; None before there is one."""
+        commands = self._commands
+        if not commands:
+            return None
+        if len(commands) < (commands.maxlen or 0):
+            return self._applied(commands[0], measurement)
+        torque = (1.0 - self._part) * self._applied(commands[1], measurement)
+        if self._part > 0.0:
+            torque += self._part * self._applied(commands[0], measurement)
+        return torque
+
+    def _applied(self, command: Command, measurement: Measurement) -> Array:
+        torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
+        return np.asarray(np.clip(torque, *self._limits))
 
 
 class WrenchEstimator:

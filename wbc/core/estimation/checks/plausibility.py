@@ -257,8 +257,9 @@ class Plausibility:
         good = np.abs(values - self._middle[: 2 * n]) <= self._bound[: 2 * n]
         if self._faults:
             good &= self._lasting[: 2 * n] == 0.0
-        position, velocity = np.split(values if good.all() else np.where(good, values, np.nan), 2)
-        return position, velocity
+        if not good.all():
+            values[~good] = np.nan
+        return values[:n], values[n:]
 
     def _formed(self, m: Any) -> Measurement:
         """Return the measurement with arrays of the right type and shape."""
