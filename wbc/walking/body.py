@@ -99,8 +99,8 @@ class Body:
     """
 
     __slots__ = (
-        "_acceleration", "_controller", "_dt", "_gaze", "_goal", "_lowest", "_most_turn", "_neck", "_nominal",
-        "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_source", "_waist", "active",
+        "_controller", "_robot", "_source", "_dt", "_nominal", "_reaching", "_most_turn", "_waist", "_neck", "_lowest",
+        "_goal", "_now", "_rate", "_acceleration", "_gaze", "_point", "_off", "active",
     )  # fmt: skip
 
     def __init__(

@@ -85,8 +85,8 @@ class WalkingControl(SteeredControl):
     """
 
     __slots__ = (
-        "_dt", "_hands", "arms", "balance", "body", "controller", "drives", "ground", "load", "reference",
-        "settings", "source", "stiffness", "stopped", "tasks",
+        "settings", "_dt", "source", "controller", "drives", "tasks", "arms", "_hands", "body", "balance", "load",
+        "stiffness", "ground", "reference", "stopped",
     )  # fmt: skip
 
     drives: PositionControl | TorqueControl
