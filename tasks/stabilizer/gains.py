@@ -42,8 +42,9 @@ PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance")
 class StabilizerGains:
     """Gains, time constants and bounds of the stabilizer. Pairs may be given as one number for both directions.
 
-    Forces are in proportion for a robot below 30 kg (`for_mass`). Lengths are bounds of corrections, no sizes: they
-    bind no QP, and hold for soles of 100 mm and more; a smaller robot is given its own.
+    Forces are in proportion for a robot below 30 kg: its admittances act on wrenches over `Robot.force_scale`.
+    Lengths are bounds of corrections, no sizes: they bind no QP, and hold for soles of 100 mm and more; a smaller robot
+    is given its own.
 
     The defaults walk best on all soles: a quick transfer of load, a CoP admittance that goes with torque
     feed-forward, and filtered wrenches. `mc_rtc` is that library's plain law.

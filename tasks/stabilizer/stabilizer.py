@@ -19,7 +19,7 @@ from wbc.base.checked import checked
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector
 from wbc.core.frames import net_wrench
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, force_scale
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through
@@ -172,7 +172,8 @@ class Stabilizer:
         if desired is None:
             self.feet.hold()
         else:
-            self.feet.update(self._wrench.tolist(), desired.tolist(), contact, dt)
+            scale = force_scale(self._mass)  # a light robot's feet yield to its smaller wrenches
+            self.feet.update((self._wrench / scale).tolist(), (desired / scale).tolist(), contact, dt)
 
     def _zmp_offset(self, outside: Array, zmp: Array) -> Array:
         """Return by how much an outside wrench moves the ZMP of the feet, shape (3,), m."""

@@ -424,6 +424,27 @@ def test_the_usual_admittance_of_the_ankles_is_that_of_40_kg_over_the_mass() -> 
         assert StabilizerGains(cop_admittance=(0.02, 0.01)).for_mass(mass).cop_admittance == (0.02, 0.01)
 
 
+@pytest.mark.parametrize("mass", [20.0, 1.5])
+def test_the_feet_of_a_light_robot_yield_to_wrenches_in_proportion_as_those_of_one_of_30_kg(
+    mass: float,
+) -> None:
+    """Soles, CoM and times are the same, and so are the rotations and heights of the feet."""
+    both = {
+        each: Stabilizer(each, WrenchDistribution(SIZES, DistributionSettings(min_force=0.0)))
+        for each in (30.0, mass)
+    }
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        error, off = rng.uniform(-0.01, 0.01, 3), rng.normal(size=(2, 6)) * [0.0, 0.0, 30.0, 3.0, 3.0, 0.0]
+        heavy, light = (
+            tick(s, com=REST.com + error, wrenches=each / 30.0 * (feet(15.0 * GRAVITY, 15.0 * GRAVITY) + off))
+            for each, s in both.items()
+        )
+        np.testing.assert_allclose(light.feet.wrenches, mass / 30.0 * heavy.feet.wrenches, atol=1e-3)
+        np.testing.assert_allclose(light.corrections, heavy.corrections, atol=1e-5)
+    assert np.abs(heavy.corrections).max() > 1e-3
+
+
 def test_foot_heights_settle_and_leak() -> None:
     gains = StabilizerGains(force_difference=1e-4, support_height_leak=3.0)
     f = FootAdmittance(gains.for_mass(39.0))
