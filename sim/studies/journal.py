@@ -67,9 +67,9 @@ def _with_libraries(version: Mapping[str, Any]) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))
 class Entry:
-    """One row of the journal: a trial's spec, status and result, as plain values, whose types are checked.
+    """One row of the journal: a trial's spec, status and result, as plain values.
 
-    What a result holds is the business of its kind of trial.
+    Their types are checked; what a result holds is the business of its kind of trial.
 
     Attributes:
         spec: Spec of the trial.
