@@ -208,7 +208,9 @@ class WalkSpec(TrialSpec):
         return changed_foot(self.foot, self.stiffness, self.foot_changes)
 
     def ground(self) -> Terrain:
-        """Return the ground."""
+        """Return the ground; `InputError` where the file that it was read from has changed."""
+        if isinstance(source := dict(self.terrain_params).get(SOURCE), str):
+            stamped_file(source, "ground")
         return self._ground
 
     @cached_property
