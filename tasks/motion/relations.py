@@ -185,7 +185,15 @@ class ManipulabilityTask(_Number):
     def bind(self, robot: Robot) -> None:
         """Find the joints of the limb."""
         self._id, self._data = robot.frame_id(self.frame), robot.model.createData()
-        joints = robot.joints_between(self.frame, self._trunk or robot.base_frame)
+        trunk, frames = self._trunk or robot.base_frame, robot.model.frames
+        if (
+            frames[robot.frame_id(trunk)].parentJoint
+            not in robot.model.supports[frames[self._id].parentJoint]
+        ):
+            raise InputError(
+                f"the limb of task '{self.name}' must begin before '{self.frame}', not at '{trunk}'"
+            )
+        joints = robot.joints_between(self.frame, trunk)
         self._columns = robot.nv - robot.na + np.array(joints, dtype=np.intp)
         if len(joints) < 3:
             raise InputError(f"'{self.frame}' has {len(joints)} joints; 3 are required for '{self.name}'")
