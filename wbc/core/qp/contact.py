@@ -45,6 +45,7 @@ NORMAL = 2
 UPRIGHT = 1e-3
 """Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
 
+
 USUAL: ContactOptions = {
     "min_force": 0.0,
     "max_force": None,
@@ -576,11 +577,8 @@ class PointContact(Contact):
         """Find the point; see `Contact.bind`."""
         super().bind(robot)
         frame = self._model.frames[self._id]
-        self._at = (
-            frame.parentJoint,
-            frame.placement * pin.SE3(np.eye(3), self._point),
-            pin.LOCAL_WORLD_ALIGNED,
-        )
+        point = frame.placement * pin.SE3(np.eye(3), self._point)
+        self._at = frame.parentJoint, point, pin.LOCAL_WORLD_ALIGNED
 
     @property
     def rotation(self) -> Array:
