@@ -1,8 +1,7 @@
 """Contacts: motion constraints of a frame, and the wrenches that it may transmit.
 
-Each contact has as many force variables as motion rows. While it holds its frame, the rows are "this frame does not
-accelerate"; while it is inactive, the same rows are "this force is zero". Switching a contact therefore never changes
-the size of the QP.
+Each contact has as many force variables as motion rows: "this frame does not accelerate" while it holds its frame, and
+"this force is zero" while it is inactive. Switching a contact therefore never changes the size of the QP.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ LEAST_FORCE = 10.0
 """Normal force that a sole in contact carries at least by default, N: without load its CoP means nothing."""
 
 FIRMEST = 1e6
-"""Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
-last; from ten times as much on, solutions are off by m/s²."""
+"""Greatest motion weight: the motion is 1e-5 m/s² off a constraint's there; at ten times as much it is m/s² off."""
 
 USUAL_WEIGHTS = 4.0
 """Greatest normal force of a contact that is given none, over the weight of the robot."""
