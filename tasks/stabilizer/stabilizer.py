@@ -172,8 +172,10 @@ class Stabilizer:
         if desired is None:
             self.feet.hold()
         else:
-            scale = force_scale(self._mass)  # a light robot's feet yield to its smaller wrenches
-            self.feet.update((self._wrench / scale).tolist(), (desired / scale).tolist(), contact, dt)
+            wrench, scale = self._wrench, force_scale(self._mass)
+            if scale < 1.0:  # a light robot's feet yield to its smaller wrenches
+                wrench, desired = wrench / scale, desired / scale
+            self.feet.update(wrench.tolist(), desired.tolist(), contact, dt)
 
     def _zmp_offset(self, outside: Array, zmp: Array) -> Array:
         """Return by how much an outside wrench moves the ZMP of the feet, shape (3,), m."""
