@@ -48,7 +48,7 @@ soft foot, where its sole can bend most."""
 
 def over_bar(stiffness: float) -> FootTest:
     """The soft foot over the highest bar, under the middle of its arch."""
-    peak = max((shape.peak for shape in BAR.shapes), key=lambda peak: float(peak[2]))
+    peak = max((shape.peak for shape in BAR.surface.shapes), key=lambda peak: float(peak[2]))
     place = float(peak[0]) - (BAR.start + BAR.stop) / 2.0 - BAR_PLACE
     return FootTest(foot("soft", stiffness=stiffness), BAR, load=LOAD, x=place)
 
