@@ -62,7 +62,16 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     contact = (*pivot, 0.0)
     dcm = Divergent(pivot[0] + cos * ahead - sin * left, pivot[1] + sin * ahead + cos * left, OMEGA)
     stance = StepState(
-        StanceAxes(side, (cos, sin), contact), contact, contact, dcm, orbit, time, share * time, swing, 0.06
+        StanceAxes(side, (cos, sin), contact),
+        contact,
+        contact,
+        dcm,
+        orbit,
+        time,
+        2.0 * time,
+        share * time,
+        swing,
+        0.06,
     )
     assert stance.axes.offset(*stance.axes.point(0.3, -0.2)) == pytest.approx((0.3, -0.2))
     assert stance.axes.offset(dcm.x, dcm.y) == pytest.approx((fall * end[0], fall * end[1]))
@@ -71,7 +80,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
         (length, beside, length, width - side * velocity[1] * time, length, beside)
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
-    made.decide(stance, wish, 2.0 * time, None)
+    made.decide(stance, wish, None)
     assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
     expected = stance.axes.point(length - CONSTANTS.carrying, beside)
     assert made.place == pytest.approx(expected, abs=1e-5)
@@ -135,6 +144,7 @@ def stance_at(
         Divergent(*dcm, OMEGA),
         still,
         SETTINGS.step_time,
+        0.5,
         elapsed,
         swing,
         0.06,
@@ -159,12 +169,12 @@ def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None
     """A place that stays: v t/2 + a t² √3/10 is the way of a quintic that comes to rest after t."""
     made, a = decision(), CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
     far = 0.35
-    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, speed))
+    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, speed))._replace(longest=0.52)
     step = Step((0.0, 0.1 + far), (0.0, 0.0), 0.02)
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
     fixed = wish._replace(offsets=(0.0, -(0.1 + far), *wish.offsets[2:]))
-    later = made._time_for_legs(stance, step, AT_REST, fixed, bounds, 0.42)
+    later = made._time_for_legs(stance, step, AT_REST, fixed, bounds)
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(far - (0.5 * speed + a * times) * times, 0.0)
     expected = times[int(np.argmax(missed < 0.02))]
@@ -178,7 +188,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
     made._program.solve = lambda *_: Step((0.0, SETTINGS.width + off), (0.0, 0.0), 0.3)  # type: ignore[method-assign]
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
-    made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
+    made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), None)
     assert made.urgency == pytest.approx(min(max(share, 0.0), 1.0))
     assert made.end == pytest.approx(0.1 + 0.3)
     assert made.place == pytest.approx((-CONSTANTS.carrying, SETTINGS.width + off))
@@ -187,7 +197,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
 def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_ahead() -> None:
     made, s, stretch = decision(), SETTINGS, CONSTANTS.stretch
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
-    held = made._bounds(stance, (0.0, 0.05), (0.0, 0.0), 0.6)
+    held = made._bounds(stance._replace(longest=0.6), (0.0, 0.05))
     assert held.times == pytest.approx((s.shortest - 0.1, 0.5)) and held.places == (
         (-s.reach, s.gap),
         (s.reach, s.widest),
@@ -195,18 +205,16 @@ def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_a
     assert held.next_area == pytest.approx([CONSTANTS.next_area * half for half in SCALE.sole])
     # ξ at 60 mm reaches the stretch after ln(stretch / 60 mm) / ω.
     ahead = 0.3 * stretch
-    assert made._bounds(stance, (ahead, 0.05), (0.0, 0.0), 9.0).times[1] == pytest.approx(
+    assert made._bounds(stance._replace(longest=9.0), (ahead, 0.05)).times[1] == pytest.approx(
         max(math.log(1.0 / 0.3) / OMEGA, s.shortest - 0.1)
     )
-    walks = stance._replace(orbit=Orbit.of((0.4, 0.0), 1.0, s.width, 0.4, 0.4, OMEGA))
+    walks = stance._replace(longest=9.0, orbit=Orbit.of((0.4, 0.0), 1.0, s.width, 0.4, 0.4, OMEGA))
     reach = abs(walks.orbit.forward) + stretch
-    assert made._bounds(walks, (-0.1 * reach, 0.05), (0.0, 0.0), 9.0).times[1] == pytest.approx(
-        math.log(10.0) / OMEGA
-    )
+    assert made._bounds(walks, (-0.1 * reach, 0.05)).times[1] == pytest.approx(math.log(10.0) / OMEGA)
     made.area.ahead, made.area.aside = [-0.01, 0.02], [-0.03, 0.04]
     for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
         turned = stance._replace(axes=stance.axes._replace(side=side))
-        area = made._bounds(turned, (0.0, 0.05), made._aside(turned), 0.6).area
+        area = made._bounds(turned, (0.0, 0.05)).area
         assert area == ((-0.01, low), (0.02, high))
 
 
@@ -238,7 +246,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
             contact=world(0.02 + off[0], 0.01 + off[1]),
         )
         found.clear()
-        made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
+        made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), None)
         assert found[0] == pytest.approx((0.05 - counted[0], 0.1 - counted[1]))
         assert found[1] == pytest.approx((0.05, 0.1, *counted))
         assert made.place == pytest.approx(world(-CONSTANTS.carrying, SETTINGS.width)[:2]), (
@@ -250,7 +258,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
 def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> None:
     """A foot that comes to the edge of its reach is put off no further."""
     made = decision()
-    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, 0.0))
+    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, 0.0))._replace(longest=0.52)
     step = Step((0.0, 0.6), (0.0, 0.0), 0.02)
     bounds = Bounds(((-1.0, 0.0), (1.0, 0.35)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
@@ -258,7 +266,7 @@ def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> 
     a = CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(0.25 - a * times**2, 0.0)
-    assert made._time_for_legs(stance, step, AT_REST, fixed, bounds, 0.42) == pytest.approx(
+    assert made._time_for_legs(stance, step, AT_REST, fixed, bounds) == pytest.approx(
         times[int(np.argmax(missed <= 0.0))]
     )
 
@@ -280,10 +288,9 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
     stance = stance_at((0.0, side * 0.22, 0.0, 0.0), (0.02, side * 0.1), 0.2)
     stance = stance._replace(axes=stance.axes._replace(side=side))
     wish = steps_of_velocity((0.1, 0.0), SETTINGS.width, stance)
-    made.decide(stance, wish, 0.5, None)
+    made.decide(stance, wish, None)
     free = made.place
-    (behind, ahead), (inside, outside) = made.area.ahead, made._aside(stance)
-    area = (behind, inside), (ahead, outside)
+    area = made._bounds(stance, (0.0, 0.0)).area
     stiffness = made._program.stiffness(area)
     chosen = made._choose(stance, area, free, 0.3)
     assert chosen == pytest.approx((free[0] + 0.02, free[1]))
@@ -368,9 +375,9 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
-    made.decide(stance, wish, 2.0 * time, None, promised=True)
+    made.decide(stance, wish._replace(promised=True), None)
     assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
-    made.decide(stance, wish, 2.0 * time, None)
+    made.decide(stance, wish, None)
     assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
 
 
@@ -386,10 +393,10 @@ def test_footsteps_closer_together_than_steps_of_a_velocity_may_be_are_met_in_th
     end = wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]
     stance = _stance(made, (fallen * end[0], fallen * end[1]), share * time)
     stance = stance._replace(swing=(-wish.places[0], width, 0.0, 0.0))
-    made.decide(stance, wish, 1.2 * time, None, promised=True)
+    made.decide(stance._replace(longest=1.2 * time), wish._replace(promised=True), None)
     assert made.end == pytest.approx(time, abs=1e-5)
     assert made.missed == pytest.approx(0.0, abs=1e-6)
-    made.decide(stance, wish, 1.2 * time, None)
+    made.decide(stance._replace(longest=1.2 * time), wish, None)
     assert made.missed > 0.1 * SETTINGS.gap, "those of a velocity stay apart"
 
 
@@ -400,7 +407,7 @@ def test_a_step_that_legs_need_longer_for_lands_where_the_pendulum_is_then() -> 
     stance = _stance(made, (0.12, 0.04), 0.0)._replace(swing=(-0.4, 0.22, 0.0, 0.0))
     wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, stance)
     made._time_for_legs = lambda *_: 0.45  # type: ignore[method-assign]
-    made.decide(stance, wish, 0.5, None)
+    made.decide(stance, wish, None)
     assert made.end == pytest.approx(0.45) and 1.05 * time < 0.45
     shift = np.array(made._program.x[6:8])
     assert math.hypot(*shift) > 0.02
@@ -417,7 +424,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     grown = math.exp(-OMEGA * 0.8 * time)
     end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
     stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
-    made.decide(stance._replace(climbs=True), wish, 1.2 * time, None, promised=True)
+    made.decide(stance._replace(climbs=True, longest=1.2 * time), wish._replace(promised=True), None)
     ahead, _ = stance.axes.offset(*made.place)
     assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"
@@ -433,6 +440,7 @@ def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> Ste
         Divergent(*dcm, OMEGA),
         orbit,
         time,
+        2.0 * time,
         elapsed,
         (0.2, 0.2, 0.0, 0.0),
         0.06,

@@ -268,14 +268,16 @@ def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
     still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
     swing = (-c.carrying, distance, 0.0, 0.0)
     dcm = Divergent(0.0, -0.1, OMEGA)
-    stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, elapsed, swing, 0.06)
-    decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+    stance = StepState(
+        StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, elapsed, swing, 0.06
+    )
+    decision.decide(stance, wish_of((0.0, 0.0), 1.0), None)
     assert decision.closes == down
     if down:
         assert decision.end == pytest.approx(elapsed + 0.06)
         assert math.dist(decision.place, swing[:2]) < 0.05
         later = stance._replace(elapsed=elapsed + 0.03, down=0.06)
-        decision.decide(later, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        decision.decide(later, wish_of((0.0, 0.0), 1.0), None)
         assert decision.end == pytest.approx(elapsed + 0.06), "it is not put off"
 
 
@@ -291,8 +293,10 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
         still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
         zero = (0.0, 0.0, 0.0)
         swing = (-constants.carrying, 0.22, 0.0, 0.0)
-        stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
-        decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        stance = StepState(
+            StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, 0.0, swing, 0.05
+        )
+        decision.decide(stance, wish_of((0.0, 0.0), 1.0), None)
         found[push] = decision.end, math.dist(decision.place, swing[:2])
     (slow, far), (quick, near) = found[4.5], found[100.0]
     if not later:  # it is in reach at once, or nothing catches it
@@ -314,8 +318,10 @@ def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_i
         )
         dcm = Divergent(speed / OMEGA, still.inwards, OMEGA)
         swing = (-c.carrying, 0.22, 0.0, 0.0)
-        stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
-        decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        stance = StepState(
+            StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, 0.0, swing, 0.05
+        )
+        decision.decide(stance, wish_of((0.0, 0.0), 1.0), None)
         found.append(decision.urgency)
     assert found == sorted(found) and found[0] == 0.0 and found[-1] == 1.0
     assert any(0.0 < urgency < 1.0 for urgency in found)

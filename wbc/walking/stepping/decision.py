@@ -20,7 +20,7 @@ from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
-from wbc.walking.stepping.program import OFFSETS, Bounds, Now, Step, StepProgram, Wish
+from wbc.walking.stepping.program import Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import GaitValues
 from wbc.walking.swing import RISE
 
@@ -50,6 +50,7 @@ class StepState(NamedTuple):
         dcm: Divergent component of motion about it.
         orbit: Orbit of the steps that are asked for.
         nominal: Time T of a step, s.
+        longest: Longest time of this step, s.
         elapsed: Time since lift-off, s.
         swing: Place of the swing foot's centre, x and y, m, and its velocity, m/s.
         down: Time that the swing foot needs to come straight down, s.
@@ -62,6 +63,7 @@ class StepState(NamedTuple):
     dcm: Divergent
     orbit: Orbit
     nominal: float
+    longest: float
     elapsed: float
     swing: tuple[float, float, float, float]
     down: float
@@ -149,73 +151,68 @@ class StepDecision:
         (p, q), gain = self.lagged, self._gain
         self.lagged = p + gain * (a - p), q + gain * (b - q)
 
-    def decide(
-        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, promised: bool = False
-    ) -> None:
+    def decide(self, state: StepState, wish: Wish, look: float | None) -> None:
         """Decide anew; what was decided stays if the program fails.
 
         Args:
-            stance: State of the step.
+            state: State of the step.
             wish: Steps that are asked for.
-            longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
-            promised: True for a landing of footsteps: it moves only by what the next sole cannot catch.
         """
-        c, axes, now = self._c, stance.axes, self._pendulum(stance)
-        # ξ runs away from the contact by that, m.
-        runs = now.dcm[0] - now.contact[0], now.dcm[1] - now.contact[1]
-        edges = self._aside(stance)
-        beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
-        self._put_down = (self._put_down or self._puts_down(stance, runs)) if beyond else None
-        bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
-        if promised and not self.closes:
-            bounds = bounds.containing(wish.places)
-        step, bounds = self._solve(stance, now, wish, bounds, longest, promised=promised)
+        now, down = self._pendulum(state), None
+        bounds = self._bounds(state, now.run)
+        if now.run[1] < bounds.area[0][1] - self._c.outer_cop:  # no centre of pressure brings ξ back
+            down = self._put_down or self._puts_down(state, now.run)
+            bounds = bounds.ending() if down is None else bounds.ending(down.end - state.elapsed, down.places)
+        self._put_down = down
+        step, bounds = self._solve(state, now, wish, bounds, swings_on=down is None)
         if step is None:
             if self._decided:
                 return
-            step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), stance.nominal)
+            step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), state.nominal)
         self._decided = True
-        near, far = c.urgent
+        near, far = self._c.urgent
         self.missed = off = math.dist(step.place, wish.places[:2])
         self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
-        free = self._centre(stance, step.place)
-        chosen = None if look is None else self._choose(stance, bounds.area, free, look)
+        self.place = free = self._centre(state, step.place)
+        chosen = None if look is None else self._choose(state, bounds.area, free, look)
         if chosen is not None:
-            x, y = axes.offset(*chosen)
-            there = (x + c.carrying, y), (x + c.carrying, y)
-            step = self._program.solve(now, wish, bounds, there) or step
-        self.end, self._wanted = stance.elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
-        self.place = free if chosen is None else self._centre(stance, step.place)
+            x, y = state.axes.offset(*chosen)
+            there = x + self._c.carrying, y
+            step = self._program.solve(now, wish, bounds, (there, there)) or step
+            self.place = self._centre(state, step.place)
+        self.end, self._wanted = state.elapsed + step.left, (step.shift[0], state.axes.side * step.shift[1])
 
-    def _pendulum(self, stance: StepState) -> Now:
+    def _pendulum(self, state: StepState) -> Now:
         """Return the pendulum about the foot that stands, and the time that is left of the step."""
-        axes, most = stance.axes, self._c.cop_error
-        (x, y, _), (p, q, _) = stance.contact, stance.cop_command
+        axes, most = state.axes, self._c.cop_error
+        (x, y, _), (p, q, _) = state.contact, state.cop_command
         ahead, outwards = axes.outwards(x - p, y - q)
-        left = max(stance.nominal - stance.elapsed, 0.0)
+        left = max(state.nominal - state.elapsed, 0.0)
         return Now(
-            dcm=axes.offset(stance.dcm.x, stance.dcm.y),
+            dcm=axes.offset(state.dcm.x, state.dcm.y),
             contact=(min(max(ahead, -most), most), min(max(outwards, -most), most)),
-            omega=stance.dcm.omega,
+            omega=state.dcm.omega,
             left=left,
-            last=max(self.end - stance.elapsed, 0.0) if self._decided else left,
+            last=max(self.end - state.elapsed, 0.0) if self._decided else left,
             shift=(self._wanted[0], axes.side * self._wanted[1]),
         )
 
     def _solve(
-        self, stance: StepState, now: Now, wish: Wish, bounds: Bounds, longest: float, *, promised: bool
+        self, state: StepState, now: Now, wish: Wish, bounds: Bounds, *, swings_on: bool
     ) -> tuple[Step | None, Bounds]:
-        """Return the step, later where legs need the time, with its bounds; None if the program fails."""
-        elapsed = stance.elapsed
+        """Return the step with its bounds; None if the program fails.
+
+        One whose foot `swings_on` keeps a promised landing, and comes later where legs need the time.
+        """
         solve: Callable[[Now, Wish, Bounds], Step | None] = self._program.solve
-        if promised and not self.closes:
-            solve = partial(self._keep_landing, climbs=stance.climbs)
+        if wish.promised and swings_on:
+            bounds, solve = bounds.containing(wish.places), partial(self._keep_landing, climbs=state.climbs)
         step = solve(now, wish, bounds)
         if step is not None:
-            later = self._time_for_legs(stance, step, now, wish, bounds, max(longest - elapsed, 0.0))
-            self._delayed_end = None if later is None else elapsed + later
-            if later is not None and later > step.left and not self.closes:  # ξ goes on until then
+            later = self._time_for_legs(state, step, now, wish, bounds)
+            self._delayed_end = None if later is None else state.elapsed + later
+            if swings_on and later is not None and later > step.left:  # ξ goes on until then
                 bounds = bounds.after(later)
                 step = solve(now._replace(last=later, shift=step.shift), wish, bounds) or step
         return step, bounds
@@ -231,99 +228,84 @@ class StepDecision:
         step = program.solve(now, wish, bounds, box)
         if step is None:
             return program.solve(now, wish, bounds)
-        off = [float(left) - b for left, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
+        (ahead, aside), (b, d, *_) = step.offset, wish.offsets
         (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
-        x = 0.0 if climbs else _beyond(off[0], least_x, most_x)
-        y = _beyond(off[1], least_y, most_y)
+        x = 0.0 if climbs else _beyond(ahead - b, least_x, most_x)
+        y = _beyond(aside - d, least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
             return step
         box = _box((place[0] + x, place[1] + y), bounds)
         return program.solve(now, wish, bounds, box) or step
 
-    def _bounds(
-        self, stance: StepState, runs: Point, aside: Point, longest: float, *, beyond: bool = False
-    ) -> Bounds:
-        """Return the limits of a step, by the offset of ξ from the contact ahead and outwards, m.
-
-        The centre of pressure is bounded outwards, m, and ξ may be `beyond` the outer bound.
-        """
-        c, area, elapsed = self._c, self.area, stance.elapsed
-        # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
-        shortest, (low, high) = self._shortest(stance), aside
-        most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(runs[0]), LEAST_OFFSET)
-        stretched = max(math.log(most), 0.0) / stance.dcm.omega
-        greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
-        places = self._places
-        if self._put_down is not None:
-            places = self._put_down.places
-            shortest = greatest = max(self._put_down.end - elapsed, 0.0)
-        elif beyond:
-            greatest = shortest
-        half_length, half_width = self._scale.sole
+    def _bounds(self, state: StepState, run: Point) -> Bounds:
+        """Return the limits of a step, with the offset of ξ from the contact ahead and outwards, m."""
+        c, (half_length, half_width) = self._c, self._scale.sole
+        # A step that would wait for ξ aside ends where ξ has run ahead.
+        most = max(abs(state.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(run[0]), LEAST_OFFSET)
+        stretched = max(math.log(most), 0.0) / state.dcm.omega
+        shortest, (behind, ahead), (right, left) = self._shortest(state), self.area.ahead, self.area.aside
+        inner, outer = (right, left) if state.axes.side > 0.0 else (-left, -right)
         return Bounds(
-            places,
-            ((area.ahead[0], low), (area.ahead[1], high)),
-            (c.next_area * half_length, c.next_area * half_width),
-            (shortest, greatest),
+            places=self._places,
+            area=((behind, inner), (ahead, outer)),
+            next_area=(c.next_area * half_length, c.next_area * half_width),
+            times=(shortest, max(min(max(state.longest - state.elapsed, 0.0), stretched), shortest)),
         )
 
-    def _aside(self, stance: StepState) -> Point:
-        """Return the edges of the supported area, inner and outer seen from the foot that stands, outwards, m."""
-        right, left = self.area.aside
-        return (right, left) if stance.axes.side > 0.0 else (-left, -right)
-
-    def _shortest(self, stance: StepState) -> float:
+    def _shortest(self, state: StepState) -> float:
         """Return the shortest time that is left of a step, s."""
-        least = max(self._s.shortest, STAIR_TIME * stance.nominal * stance.climbs)
-        return max(least - stance.elapsed, 0.0)
+        least = self._s.shortest
+        if state.climbs:
+            least = max(least, STAIR_TIME * state.nominal)
+        return max(least - state.elapsed, 0.0)
 
     @property
     def closes(self) -> bool:
         """True while the swing foot is put down beside where it is, at once."""
         return self._put_down is not None
 
-    def _puts_down(self, stance: StepState, runs: Point) -> PutDown | None:
+    def _puts_down(self, state: StepState, run: Point) -> PutDown | None:
         """Return when and where the swing foot is put down at once, with ξ past the outer bound; None if it closes up.
 
         It is put down where the step after this one has less far to go then. ξ is so far ahead and outwards of the
         contact, m.
         """
-        if stance.climbs or stance.elapsed <= 0.0:
+        if state.climbs or state.elapsed <= 0.0:
             return None
-        s, omega, ahead, way = self._s, stance.dcm.omega, runs[0], self._way(stance)
-        closing = self._shortest(stance)
-        time = min(closing, stance.down)
+        s, omega, ahead, way = self._s, state.dcm.omega, run[0], self._way(state)
+        closing = self._shortest(state)
+        time = min(closing, state.down)
         (near, _), (far, _) = way.reached(closing, self._places)
         closed = _within(ahead * math.exp(omega * closing), near, far), s.gap
-        if self._way_on(way.place, runs, omega, time) < self._way_on(closed, runs, omega, closing):
-            return PutDown(stance.elapsed + time, way.reached(time, self._places))
+        if self._way_on(way.place, run, omega, time) < self._way_on(closed, run, omega, closing):
+            return PutDown(state.elapsed + time, way.reached(time, self._places))
         return None
 
-    def _way_on(self, place: Point, runs: Point, omega: float, time: float) -> float:
+    def _way_on(self, place: Point, run: Point, omega: float, time: float) -> float:
         """Return the way of the step after one that lands at a place (x, d) after a time t₁, m.
 
         The foot that stands now steps out in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and
         by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
-        (x, d), (ahead, outwards) = place, runs
+        (x, d), (ahead, outwards) = place, run
         grown, growth = math.exp(omega * time), math.exp(omega * self._s.shortest)
         return math.hypot((ahead * grown - x) * growth + x, (d - outwards * grown) * growth - d)
 
-    def _way(self, stance: StepState) -> SwingWay:
+    def _way(self, state: StepState) -> SwingWay:
         """Return the way that the swing foot can go."""
-        (x, y, u, v), axes = stance.swing, stance.axes
+        (x, y, u, v), axes = state.swing, state.axes
         ahead, outwards = axes.offset(x, y)
         return SwingWay((ahead + self._c.carrying, outwards), axes.outwards(u, v), self._c.swing_push)
 
     def _time_for_legs(
-        self, stance: StepState, step: Step, now: Now, wish: Wish, bounds: Bounds, longest: float
+        self, state: StepState, step: Step, now: Now, wish: Wish, bounds: Bounds
     ) -> float | None:
         """Return the time left after which the swing foot comes nearest to where it is to land, s.
 
         None if legs can make the step within its own time. Else the place is looked for at later times: it moves away
         with ξ, and the way that the foot can go grows.
         """
-        way, shortest = self._way(stance), step.left
+        way, shortest, longest = self._way(state), step.left, max(state.longest - state.elapsed, 0.0)
         best, least = shortest, way.missed(shortest, step.place, bounds)
         if least < MISSED:
             return None
@@ -335,37 +317,37 @@ class StepDecision:
             if least < MISSED:
                 break
         if self._delayed_end is not None:  # a place that jumps to and fro is reached least of all
-            time = _within(self._delayed_end - stance.elapsed, shortest, longest)
+            time = _within(self._delayed_end - state.elapsed, shortest, longest)
             if way.missed(time, now.landing(time, wish), bounds) < least + KEPT:
                 best = time
         return best
 
-    def _centre(self, stance: StepState, place: Point) -> Point:
+    def _centre(self, state: StepState, place: Point) -> Point:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
-        return stance.axes.point(place[0] - self._c.carrying, place[1])
+        return state.axes.point(place[0] - self._c.carrying, place[1])
 
-    def _choose(self, stance: StepState, area: tuple[Point, Point], free: Point, look: float) -> Point | None:
+    def _choose(self, state: StepState, area: tuple[Point, Point], free: Point, look: float) -> Point | None:
         """Return the place near the program's landing where the sole is to rest; None where none is chosen.
 
         The area is that of the shift of the centre of pressure.
         """
         s, c = self._s, self._c
         moved = self._chosen_about is None or math.dist(free, self._chosen_about) > c.again
-        early = stance.elapsed < c.choice * (stance.elapsed + look) / c.touch
+        early = state.elapsed < c.choice * (state.elapsed + look) / c.touch
         if early or look <= LAST_LOOK or not moved:
             return self._chosen
         k = self._program.stiffness(area) * (c.balance_cost / self._scale.height**2)
-        aside = stance.axes.side * k[0, 1]
+        aside = state.axes.side * k[0, 1]
 
         def cost(moves: Places) -> Array:
             u, v = moves.real, moves.imag
             return np.asarray(0.5 * (k[0, 0] * u * u + 2.0 * aside * u * v + k[1, 1] * v * v))
 
         def allowed(x: float, y: float) -> bool:
-            ahead, outwards = stance.axes.offset(x, y)
+            ahead, outwards = state.axes.offset(x, y)
             return abs(ahead + c.carrying) <= s.reach and s.gap <= outwards <= s.widest
 
-        (cos, sin), left = stance.axes.direction, stance.axes.side > 0.0
+        (cos, sin), left = state.axes.direction, state.axes.side > 0.0
         place = Footstep("left" if left else "right", *free, self._ground.height, math.atan2(sin, cos))
         chosen = self._ground.choose(place, allowed, cost)
         self._chosen_about = free
@@ -390,10 +372,10 @@ def _box(place: Point, bounds: Bounds) -> tuple[Point, Point]:
     return (x - TOLERANCE, y - TOLERANCE), (x + TOLERANCE, y + TOLERANCE)
 
 
-def steps_of_velocity(velocity: Point, width: float, stance: StepState) -> Wish:
+def steps_of_velocity(velocity: Point, width: float, state: StepState) -> Wish:
     """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""
-    orbit, time = stance.orbit, stance.nominal
-    length, drift = velocity[0] * time, stance.axes.side * velocity[1] * time
+    orbit, time = state.orbit, state.nominal
+    length, drift = velocity[0] * time, state.axes.side * velocity[1] * time
     b, inwards, closing = orbit.ahead, -orbit.inwards, -orbit.closing
     places = length, width + drift, length, width - drift, length, width + drift
     return Wish(places, (b, inwards, b, closing, b, inwards), time)
@@ -420,4 +402,4 @@ def steps_of_plan(
         offsets.append(growth * offsets[-1] - ways[-1])
     (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
     places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
-    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), time)
+    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), time, promised=True)

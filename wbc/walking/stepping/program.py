@@ -36,6 +36,9 @@ from wbc.base.vectors import Point
 PLACES, SHIFT, NEXT_SHIFT, TIME, OFFSETS = slice(0, 6), slice(6, 8), slice(8, 10), 10, slice(11, 17)
 """The unknowns, ahead and outwards in turn."""
 
+SOLVED = np.array((0, 1, 6, 7, 11, 12, TIME))
+"""Those that decide this step: its landing, the shift of its centre of pressure, its offset and its time."""
+
 COSTS = np.repeat((1.0, 0.02, 0.5, 0.082, 20.0, 100.0), (6, 2, 2, 1, 4, 2))
 """Costs of the unknowns, that of the time τ/τ* in h²: an offset that is not left grows by E in the next step, a centre
 of pressure costs nearly nothing."""
@@ -70,6 +73,11 @@ class Now(NamedTuple):
     last: float
     shift: Point = (0.0, 0.0)
 
+    @property
+    def run(self) -> Point:
+        """Offset of ξ from the contact point, which grows by e^{ωt}, m."""
+        return self.dcm[0] - self.contact[0], self.dcm[1] - self.contact[1]
+
     def landing(self, time: float, wish: Wish) -> Point:
         """Return the place, ahead and outwards, m, from which ξ has the offset of a wish after a time, s."""
         grown, ((x, y), (u, v)) = math.exp(self.omega * time), (self.dcm, self.contact)
@@ -77,11 +85,12 @@ class Now(NamedTuple):
 
 
 class Wish(NamedTuple):
-    """Steps that are asked for: three places from foot to foot and the offsets that they leave, m; time of one, s."""
+    """Steps that are asked for, ahead and outwards in turn."""
 
-    places: tuple[float, ...]
-    offsets: tuple[float, ...]
-    time: float
+    places: tuple[float, ...]  # of three steps, from foot to foot, m
+    offsets: tuple[float, ...]  # of ξ from the feet that land, m
+    time: float  # of one step, s
+    promised: bool = False  # true for footsteps: a landing moves only by what the next sole cannot catch
 
 
 class Bounds(NamedTuple):
@@ -104,6 +113,11 @@ class Bounds(NamedTuple):
         least, most = self.times
         return self._replace(times=(max(least, time), max(most, time)))
 
+    def ending(self, time: float | None = None, places: tuple[Point, Point] | None = None) -> Bounds:
+        """Return the same limits of a step that ends at a time, s, at its least one by default; at other places."""
+        time = self.times[0] if time is None else max(time, 0.0)
+        return self._replace(times=(time, time), places=places or self.places)
+
     def containing(self, places: Sequence[float]) -> Bounds:
         """Return limits that three steps are within, ahead and outwards in turn, m: footsteps may be close together."""
         (x, y), (u, v) = self.places
@@ -114,11 +128,12 @@ class Bounds(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Solution: landing and shift of the centre of pressure, ahead and outwards, m, and the time that is left, s."""
+    """Solution, ahead and outwards."""
 
-    place: Point
-    shift: Point
-    left: float
+    place: Point  # landing s0, m
+    shift: Point  # shift d of the centre of pressure in this step, m
+    left: float  # time that is left, s
+    offset: Point = (0.0, 0.0)  # offset b0 of ξ from the foot that lands, m
 
 
 class StepProgram:
@@ -174,9 +189,9 @@ class StepProgram:
         if flag < 1:
             return None
         self.x = x
-        ahead, outwards, d_ahead, d_outwards = x[0], x[1], x[6], x[7]
-        time = math.log(max(float(x[TIME]) * tau, 1.0)) / omega
-        return Step((float(ahead), float(outwards)), (float(d_ahead), float(d_outwards)), time)
+        s_ahead, s_out, d_ahead, d_out, b_ahead, b_out, grown = x[SOLVED].tolist()
+        time = math.log(max(grown * tau, 1.0)) / omega
+        return Step((s_ahead, s_out), (d_ahead, d_out), time, (b_ahead, b_out))
 
     def stiffness(self, area: tuple[Point, Point]) -> Array:
         """Return K, shape (2, 2), 1/m²: a landing that is held δ away from that of the last solution costs δᵀ K δ / 2.

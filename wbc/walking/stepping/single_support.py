@@ -257,7 +257,7 @@ class SingleSupport:
             forward = (forward - asked.steps.made_up) * longer
             wish = steps_of_velocity((forward, left), self._width(asked), stance)
         look = None if stays else self._touch_time(asked) - self._felt.elapsed
-        self.decision.decide(stance, wish, self._longest(asked), look, promised=bool(footsteps))
+        self.decision.decide(stance, wish, look)
 
     def _step_time(self, asked: Asked) -> float:
         """Return the time of the step, s: that which was decided, low-passed."""
@@ -306,6 +306,7 @@ class SingleSupport:
             dcm=felt.dcm,
             orbit=self._orbit(asked),
             nominal=asked.time,
+            longest=self._longest(asked),
             elapsed=felt.elapsed,
             swing=self._swinging(),
             down=self._time_down(),
