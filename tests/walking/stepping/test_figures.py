@@ -241,7 +241,7 @@ def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(s
     gait, asked = gait_on(LEVEL), []
     step_on(gait, 1)
     gait.steering.velocity, gait.step._pace = (speed * CONSTANTS.quick, 0.0), 0.5
-    gait.step.decision.decide = lambda stance, wish, *_, **__: asked.append(wish)  # type: ignore[method-assign, assignment]
+    gait.step.decision.decide = lambda _, wish, __: asked.append(wish)  # type: ignore[method-assign, assignment]
     wanted = gait._asked(StepVelocity((0.25, 0.05), True, 0.05))
     gait.step._solve(wanted)
     time, share = gait.steering.step_time, max(speed - 1.0, 0.0)
@@ -255,7 +255,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
     gait, asked = gait_on(LEVEL), []
     step_on(gait, 1)
     step, gait.felt.elapsed = gait.step, 0.1
-    step.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
+    step.decision.decide = lambda state, _, look: asked.append((state.longest, look))  # type: ignore[method-assign, assignment]
     swing = gait.felt.swing
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
     step.swing = SwingFoot(LEVEL[swing], landing, 0.4, step._shape)
