@@ -116,6 +116,8 @@ def functions_of(name: str, value: Any) -> Iterator[tuple[str, Callable[..., Any
             if attribute in seen or (attribute.startswith("_") and attribute != "__init__"):
                 continue
             seen.add(attribute)
+            if getattr(member, "__isabstractmethod__", False):
+                continue  # never called: what overrides it is a door
             if isinstance(member, property) and member.fset is not None:
                 yield f"{name}.{attribute}", member.fset, True
             elif isinstance(member, (classmethod, staticmethod)):

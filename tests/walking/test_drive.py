@@ -441,6 +441,10 @@ def test_gait_for_a_speed() -> None:
         slow = Gait.for_speed((0.4, 0.0, 0.0), from_json(Gait, to_json(own)))
         assert slow.single_support == own.single_support and slow.double_support < 0.3
     assert Gait.for_speed((0.15, 0.0, 0.0)) == StepGait()
+    for own in (Gait(takeoff_time=0.15, landing_time=0.2), Gait(landing_time=0.25), Gait(takeoff_time=0.0)):
+        for gait in [Gait.at_speed(speed, own) for speed in (0.0, 0.2, 0.4, 0.6)]:
+            assert gait.takeoff_time + gait.landing_time <= 0.5 * gait.single_support + 1e-9
+            assert gait.given.items() >= own.given.items()
     gaits = [Gait.for_speed((speed, 0.0, 0.0)) for speed in (0.15, 0.3, 0.4, 0.5, 0.6)]
     for slower, quicker in zip(gaits, gaits[1:], strict=False):
         assert quicker.single_support < slower.single_support

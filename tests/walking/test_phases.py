@@ -273,7 +273,8 @@ def test_a_tick_calls_no_more_functions_the_longer_the_plan_is() -> None:
     """Nor where pushes move landings, feet slide, and the ground is higher than planned."""
 
     def most_calls(steps: int) -> int:
-        w = LipmWalk(ROBOT, walk_path(START, [(0.1, 0.0, 0.0)] * steps), HEIGHT, DT)
+        w = LipmWalk(ROBOT, START, HEIGHT, DT)
+        w.take(PlanSource(walk_path(START, [(0.1, 0.0, 0.0)] * steps)))  # which checks it, before the tick
         places, calls, counts = [START.left.placement, START.right.placement], 0, []
 
         def count(_frame: object, event: str, _argument: object) -> None:
@@ -300,6 +301,15 @@ def test_a_tick_calls_no_more_functions_the_longer_the_plan_is() -> None:
 
     most_calls(100)  # which fills caches
     assert most_calls(600) <= 1.02 * most_calls(100)
+
+
+def test_a_plan_that_cannot_be_walked_to_its_end_is_refused_before_it_begins() -> None:
+    plan = walk_path(START, [(0.1, 0.0, 0.0)] * 200)
+    far = replace(plan.steps[150], x=plan.steps[150].x + 1.0)
+    w = LipmWalk(ROBOT, START, HEIGHT, DT)
+    w.take(PlanSource(plan.with_step(150, far, carry=False)))
+    w.advance(ideal(w))
+    assert f"step 151 of {len(plan)} ({far.side}) goes forward" in w.reason and w.phases.rests
 
 
 @pytest.mark.parametrize("last_leaves", [False, True])

@@ -10,6 +10,7 @@ import pytest
 from properties import by_default
 
 import wbc
+from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -18,7 +19,9 @@ from wbc.sim import Plant
 from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import StandSource, WholeBody
@@ -44,6 +47,22 @@ def sensors(
     up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
     noise = np.full(3, 1e-9 * np.sin(tick))  # sensors that never change are refused
     return Measurement(tick * DT, q[7:].copy(), np.zeros(robot.na), noise, up, wrench)
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_plan_without_steps_says_where_the_robot_stands_and_how_it_will_step(mode: Mode) -> None:
+    robot, settings = load("hrp4_class").robot(), WalkingControlSettings(mode=mode)
+    stand = FootstepPlan.standing(robot, Gait(swing_height=0.1, single_support=1.2))
+    away = stand.moved(pin.SE3(np.eye(3), np.array((5.0, 0.0, 0.0))))
+    with pytest.raises(InputError, match="begin where the robot stands"):
+        WalkingControl(robot, away, 0.005, settings)
+    source = WalkingControl(robot, stand, 0.005, settings).source
+    if isinstance(source, LipmWalk):
+        assert source.lift_room == 0.1
+        source.steering.command((0.2, 0.0, 0.0))
+        source.take(None)
+        source.advance((200.0, 200.0))
+        assert (source.phases.gait.swing_height, source.phases.gait.single_support) == (0.1, 1.2)
 
 
 def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wrenches() -> None:

@@ -377,9 +377,7 @@ class WalkingControl(SteeredControl):
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         wanted = checked_velocity(velocity)
-        if any(wanted):
-            self.body.check_steps()
-        self._order(velocity)
+        self._order(wanted)
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -420,7 +418,6 @@ class WalkingControl(SteeredControl):
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self.body.check_steps()
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:
@@ -428,8 +425,10 @@ class WalkingControl(SteeredControl):
         self._order()
         self.stopped = True
 
-    def _order(self, velocity: Sequence[float] | None = None, planner: FootstepSource | None = None) -> None:
+    def _order(self, velocity: Velocity | None = None, planner: FootstepSource | None = None) -> None:
         """Walk with a velocity, or by a planner; come to a stand without either."""
+        if planner is not None or any(velocity or ()):
+            self.body.check_steps()
         self._steering().command(velocity)
         self.source.take(planner)
         self.stopped = False

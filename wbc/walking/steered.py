@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from wbc.core.drive.control import Control
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
-from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+from wbc.walking.plans.sources import Velocity, VelocityLimits
 from wbc.walking.source import Progress
 
 
@@ -32,8 +32,7 @@ class SteeredControl(Control, ABC):
 
     @velocity.setter
     @abstractmethod
-    def velocity(self, value: Sequence[float] | None) -> None:
-        checked_velocity(value)
+    def velocity(self, value: Sequence[float] | None) -> None: ...
 
     @property
     @abstractmethod

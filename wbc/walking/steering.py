@@ -7,13 +7,12 @@ steps is made of it in `wbc.walking.stepping.path`, planned footsteps in `wbc.wa
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from wbc.base.errors import InputError
 from wbc.base.vectors import Point, along
 from wbc.walking.plans.footsteps import Place
 from wbc.walking.plans.reach import Extent, over
-from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+from wbc.walking.plans.sources import Velocity, VelocityLimits
 
 
 class Steering:
@@ -38,10 +37,9 @@ class Steering:
         """True while a velocity or a goal asks for steps."""
         return self.target is not None or self.goal is not None
 
-    def command(self, velocity: Sequence[float] | None) -> None:
-        """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand."""
-        checked = checked_velocity(velocity)
-        self.target, self.goal = checked if any(checked) else None, None
+    def command(self, velocity: Velocity | None) -> None:
+        """Take a `checked_velocity`, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand."""
+        self.target, self.goal = velocity if any(velocity or ()) else None, None
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Take a goal, place (m) and heading (rad); an `InputError` for one beside the ground."""

@@ -76,7 +76,7 @@ def source_of(
         )
     if isinstance(source, ReferenceSource):
         return source
-    plan = source or FootstepPlan.standing(robot)
+    plan = FootstepPlan.standing(robot) if source is None else source
     if not s.free:
         return planned_walk(robot, plan, dt, s, extent)
     gait = SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent)

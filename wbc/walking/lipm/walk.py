@@ -180,7 +180,10 @@ class LipmWalk(ReferenceSource):
         if planner is not before:
             self._planning.hurry()
             self.feet.drift.begin()
-        climbs = isinstance(planner, PlanSource) and planner.plan.climbs
+        climbs = False
+        if isinstance(planner, PlanSource):
+            planner.check(self.reach, self.steering.extent)
+            climbs = planner.plan.climbs
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self.course.preview, self._adjuster = self._laws[climbs]
 

@@ -86,8 +86,8 @@ BY_SPEED = {
 """Timings (s), heights (m) and shape of the swing at `SPEEDS`; below the first as there, which is `StepGait`. Quick
 swings are low and land without slowing down first: a knee's greatest speed is needed to lift the foot."""
 
-GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
-"""Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
+TICK, FINE = 0.01, 0.001
+"""Timings of a gait for a speed are multiples of the first number, s; its other values are multiples of the second."""
 
 
 @settings
@@ -250,9 +250,14 @@ def pace(velocity: Sequence[float]) -> float:
 
 @lru_cache(maxsize=256)
 def _at_speed(speed: float, gait: Gait) -> StepGait:
-    """Gait for a speed (m/s) with the given values of another one."""
+    """Gait for a speed (m/s) with the given values of another one, and the time on one foot that these need."""
     values = dict[str, Any]()
     for name, at_speeds in BY_SPEED.items():
-        grid = GRID.get(name, 0.001)
+        grid = TICK if name in (*TIMINGS, "takeoff_time", "landing_time") else FINE
         values[name] = round(float(np.interp(speed, SPEEDS, at_speeds)) / grid) * grid
-    return StepGait(**{**values, **gait.given})
+    values |= gait.given
+    if gait.single_support is None:
+        slow = values["takeoff_time"] + values["landing_time"]
+        least = math.ceil(max(2.0 * slow, slow + 2.0 * SHORTEST) / TICK - ROUNDING) * TICK
+        values["single_support"] = max(values["single_support"], least)
+    return StepGait(**values)

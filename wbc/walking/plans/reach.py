@@ -16,7 +16,7 @@ from wbc.base.settings import Positive, in_units, settings
 from wbc.core.model import joints_to
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot
 from wbc.walking.plans.effort import SwingLeg, swing_effort
-from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, SoleSizes, moved
+from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Index, SoleSizes, moved
 from wbc.walking.plans.gait import Gait, StepGait
 
 MAX_SLOPE = 0.5
@@ -325,12 +325,12 @@ def sized(gait: Gait, robot: Robot) -> Gait:
 
 @checked
 def check_plan(
-    plan: FootstepPlan, reach: Reach, extent: Extent | None = None, *, effort: bool = True
+    plan: FootstepPlan, reach: Reach, extent: Extent | None = None, *, effort: bool = True, first: Index = 0
 ) -> None:
     """Raise an `InputError` unless legs of a reach walk a plan on a ground of an extent, m; None is endless.
 
     Without `effort` the speeds and torques that its swings need are not checked: those of a plan that was accepted are
-    the same from a place beside it.
+    the same from a place beside it. The `first` steps, and with them the feet at the start, may be left out.
     """
     gait = plan.gait.full.for_stairs() if plan.climbs else plan.gait.full
     height = gait.swing_height
@@ -344,14 +344,15 @@ def check_plan(
             f"single_support of {gait.single_support:g} s is too quick: the robot needs "
             f"{reach.min_single_support:.3f} s at least, {QUICKEST:g}/ω"
         )
-    _check_overlap("the feet at the start", plan.left, plan.right, reach)
-    for i, step in enumerate(plan.steps):
+    if first == 0:
+        _check_overlap("the feet at the start", plan.left, plan.right, reach)
+    for i, step in enumerate(plan.steps[first:], first):
         _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
         _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), reach)
         if effort:
             _check_effort(plan, i, gait, reach)
     if extent is not None:
-        _check_extent(plan, reach, extent)
+        _check_extent(plan, reach, extent, first)
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
@@ -397,12 +398,13 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, reach: Reach) -> None:
         )
 
 
-def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent) -> None:
+def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent, first: int) -> None:
     low, high = np.subtract(extent[::2], ROUNDING), np.add(extent[1::2], ROUNDING)
-    for i, step in enumerate((plan.left, plan.right, *plan.steps)):
+    start = () if first else ((-1, plan.left), (-1, plan.right))
+    for i, step in (*start, *enumerate(plan.steps[first:], first)):
         corners = reach.corners(step)
         if ((corners < low) | (corners > high)).any():
-            which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
+            which = f"the {step.side} foot at the start" if i < 0 else f"step {i + 1}"
             raise InputError(
                 f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it {over(extent)}"
             )

@@ -122,11 +122,14 @@ class PlanSource(FootstepSource):
     the height drifts by millimetres a step. Feet that a push has put elsewhere go back to them: a step that is out of
     reach from there goes as far as it can, and a robot whose feet end beside their places takes further steps.
 
-    The first answer has all steps, so that all are checked; later ones have `AHEAD` at most.
+    An answer has `AHEAD` steps at most, of which the first two are checked from where the feet stand. A walk that takes
+    the plan checks all others once (`check`), because the check of a long plan takes longer than a tick.
 
     Attributes:
         plan: Plan; a step that a foot takes out of turn becomes a part of it.
     """
+
+    to_check = 2
 
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
@@ -134,23 +137,33 @@ class PlanSource(FootstepSource):
         self._climbs = plan.climbs
         self._gait = plan.gait.full.for_stairs() if self._climbs else plan.gait.full
         self._begun: int | None = None  # steps before the first one of the plan
+        self._refusal: InputError | None = None
+
+    def check(self, reach: Reach, extent: Extent | None) -> None:
+        """Check all steps but the first two, which feet of the start take; the next answer refuses what fails."""
+        try:
+            check_plan(self.plan, reach, extent, first=2)
+        except InputError as error:
+            self._refusal = error
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
+        if self._refusal is not None:
+            raise self._refusal
         start = replace(now.start, gait=self._gait)
-        most = None if self._begun is None else AHEAD
-        if self._begun is None:
-            self._begun = now.begun
-            self.to_check = 2  # of later answers: the others have been checked, and are as they were
+        sets_off = self._begun is None
+        self._begun = now.begun if self._begun is None else self._begun
         done = now.begun - self._begun
         self._keep_turn(start, done, now.first)
-        steps: Sequence[Footstep] = self.plan.steps[done:][:most]
+        steps: Sequence[Footstep] = self.plan.steps[done : done + AHEAD]
         if 0 < done <= len(self.plan):
             last = self.plan.steps[done - 1]
             rise = start.foot(last.side).z - last.z
             steps = [replace(step, z=step.z + rise) for step in steps]
         if (reach := now.reach) is not None and self.plan.steps and not self._climbs:
             steps = self._reached(start, steps, done, reach) if steps else self._further(now, done, reach)
+        if sets_off and reach is not None:  # later, the same effort is enough from places beside these
+            check_plan(replace(start, steps=tuple(steps[:2])), reach)
         return replace(start, steps=tuple(steps))
 
     def _keep_turn(self, start: FootstepPlan, done: int, first: str | None) -> None:
