@@ -48,11 +48,15 @@ def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Calla
     hand = hands.all[name]
 
     def tick(most: float) -> None:
-        felt = max(hand.total, 2.0 * hands.settings.touch)
-        feel(hand, -felt * hand.direction, chosen=(0.0, 0.0, min(most, hand.force.value + hand.extra)))
+        felt = max(hand.force.total, 2.0 * hands.settings.touch)
+        feel(
+            hand,
+            -felt * hand.direction,
+            chosen=(0.0, 0.0, min(most, hand.force.ramp.value + hand.force.extra)),
+        )
 
     hands.press(name, force, along, firm=True)
-    while hand.state is not HandState.HOLD or hand.total < force:
+    while hand.state is not HandState.HOLD or hand.force.total < force:
         tick(np.inf)
     return hand, tick
 
@@ -63,7 +67,7 @@ def feel(hand: Hand, force: Any, moment: Any = (0.0, 0.0, 0.0), chosen: Any = No
     if chosen is not None:
         contacts = {hand.contact.name: slice(0, 3)}
         solution = SimpleNamespace(layout=SimpleNamespace(contacts=contacts), variables=np.array(chosen))
-    hand.update(np.concatenate((turn @ force, turn @ moment)) + hand.tare, solution)  # type: ignore[arg-type]
+    hand.update(np.concatenate((turn @ force, turn @ moment)) + hand.sensor.tare, solution)  # type: ignore[arg-type]
 
 
 def turned(walking: WalkingControl, yaw: float) -> np.ndarray[Any, Any]:

@@ -106,14 +106,16 @@ def test_hands_help_with_the_moment_that_feet_lack_by_their_levers() -> None:
         hands.help(missing, zmp)
     time = np.arange(4) * dt
     grown = 1.0 - np.exp(-(time + dt) / 0.02)
-    np.testing.assert_allclose([hand.extra, other.extra], wanted * grown.sum() * dt / 0.02, rtol=0.05)
+    np.testing.assert_allclose(
+        [hand.force.extra, other.force.extra], wanted * grown.sum() * dt / 0.02, rtol=0.05
+    )
     for _ in range(1000):
         hands.help(missing, zmp)
-    np.testing.assert_allclose([hand.extra, other.extra], wanted / 0.05, rtol=1e-4)
-    hand.extra = other.extra = 10.0
+    np.testing.assert_allclose([hand.force.extra, other.force.extra], wanted / 0.05, rtol=1e-4)
+    hand.force.extra = other.force.extra = 10.0
     for _ in range(500):
         hands.help(0.9 * least * missing / np.linalg.norm(missing), zmp)
-    assert abs(hand.extra) < 0.2, "the help ends once the feet give all moment"
+    assert abs(hand.force.extra) < 0.2, "the help ends once the feet give all moment"
     hands.settings = HandSettings(help=0.0)
     hands.help(missing, zmp)
     assert not hands._missing.any()
@@ -179,10 +181,10 @@ def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_
     readings, dt = np.random.default_rng(1).normal(size=(40, 6)), 0.005
     for reading in readings:
         hand.update(0.5 * reading, None)
-    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(hand.sensor.tare, 0.5 * readings.mean(axis=0), atol=1e-12)
     assert hand.state is HandState.REACH
     feel(hand, (9.0, 0.0, 0.0))
-    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)  # a touch is none
+    np.testing.assert_allclose(hand.sensor.tare, 0.5 * readings.mean(axis=0), atol=1e-12)  # a touch is none
     hand.state = HandState.GRIP
     turn = pin.utils.rotate("z", 0.7)
     for _ in range(20):
@@ -191,6 +193,15 @@ def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_
     np.testing.assert_allclose(hand.felt, share * turn @ (4.0, 0.0, 1.0), atol=1e-9)
     slow = 1.0 - np.exp(-20 * dt / 1.0)
     np.testing.assert_allclose(hand._borne[3:], slow * turn @ (0.0, 0.3, 0.0), atol=1e-9)
+
+
+def test_a_reading_that_is_missing_is_no_part_of_the_tare() -> None:
+    _, hands = standing()
+    hand, offset = hands.all["left_hand"], np.array((10.0, 6.0, -8.0, 0.1, 0.2, 0.3))
+    hands.grip("left_hand", hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
+    for reading in (None, offset, np.full(6, np.nan), offset, None, offset):
+        hand.update(reading, None)
+    np.testing.assert_allclose(hand.sensor.tare, offset, atol=1e-12)
 
 
 def test_a_silent_sensor_is_bridged_for_fifty_milliseconds_and_told_once(
@@ -259,13 +270,28 @@ def test_a_contact_is_lost_after_20_ms_with_less_than_three_tenths_of_its_force(
             break
     assert found == ticks
     if ticks is not None:
-        assert hand.planned == pytest.approx(20.0) and hand.extra == 0.0 and hand.at_work
-        fading = [hand.planned]
+        assert hand.force.planned == pytest.approx(20.0) and hand.force.extra == 0.0 and hand.at_work
+        fading = [hand.force.planned]
         for _ in range(30):
             feel(hand, np.zeros(3))
-            fading.append(hand.planned)
+            fading.append(hand.force.planned)
         assert fading[15] == pytest.approx(10.0, abs=0.01) and fading[30] == pytest.approx(0.0, abs=1e-9)
-        assert not hand.at_work and hand.active
+        assert not hand.at_work and hand.state is HandState.LOST
+
+
+def test_a_hand_that_has_lost_its_contact_yields_to_nothing() -> None:
+    _, hand, _ = held_hand(20.0, ramp=0.1)
+    while hand.state is HandState.HOLD:
+        feel(hand, np.zeros(3))
+    task = hand.arm.task
+    assert hand.state is HandState.LOST and not task.measured_wrench.any() and not task.target_wrench.any()
+
+
+def test_a_hand_that_presses_already_is_no_stronger_where_a_point_is_given() -> None:
+    hands, hand, _ = held_hand(20.0, ramp=0.1)
+    for at in (None, hand.arm.place.act(hand.tip)):
+        with pytest.raises(InputError, match="left_hand can press with"):
+            hands.press("left_hand", 5000.0, AHEAD, at=at, firm=True)
 
 
 def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it() -> None:
@@ -276,22 +302,22 @@ def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it() -> None:
         feel(hand, -force * touch * hand.direction)
         assert hand.state.value == state
         assert hand.pressed == pytest.approx(force * touch)
-    assert hand.total == pytest.approx(touch) and hand.helps
+    assert hand.force.total == pytest.approx(touch) and hand.helps
     np.testing.assert_allclose(hand.contact.normal, (-1.0, 0.0, 0.0), atol=1e-12)
 
 
 def test_the_force_for_the_balance_fades_with_the_one_that_is_asked_for_and_stays_within_bounds() -> None:
     _, hand, tick = held_hand(20.0, ramp=0.2)
     for extra, held in ((-50.0, hand._touch - 20.0), (50.0, 50.0), (-5.0, -5.0)):
-        hand.extra = extra
+        hand.force.extra = extra
         feel(hand, -20.0 * hand.direction)
-        assert hand.extra == pytest.approx(held), "a hand that helps stays in contact"
-        assert hand.total == pytest.approx(20.0 + held)
-    hand.extra = 6.0
+        assert hand.force.extra == pytest.approx(held), "a hand that helps stays in contact"
+        assert hand.force.total == pytest.approx(20.0 + held)
+    hand.force.extra = 6.0
     hand.release()
-    while hand.state is HandState.HOLD and hand.force.value > 0.5:
+    while hand.state is HandState.HOLD and hand.force.ramp.value > 0.5:
         tick(np.inf)
-        assert hand.extra / 6.0 == pytest.approx(hand.force.value / 20.0)
+        assert hand.force.extra / 6.0 == pytest.approx(hand.force.ramp.value / 20.0)
     assert not hand.helps
 
 
@@ -347,7 +373,7 @@ def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight(
         hands.press("left_hand", force, AHEAD, firm=True)
         for _ in range(600):
             hands.update(measurement, reference)
-            off.append(hands.shift[0] / lever - hand.planned)
+            off.append(hands.shift[0] / lever - hand.force.planned)
         assert hands.shift[0] == pytest.approx(force * lever, rel=1e-3)
     assert max(np.abs(off[600:])) < 0.42, "N; with a lag of 0.3 s it would be 3 N"
 
@@ -363,7 +389,7 @@ def test_nothing_turns_a_robot_about_its_zmp_while_its_hands_press_at_their_tips
     estimate.update(posture, np.zeros(robot.nv))
     left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
     reference = Reference(Pendulum.at_rest(robot.com), (left, right))
-    pushes = {name: -hand.planned * hand.direction for name, hand in hands.all.items()}
+    pushes = {name: -hand.force.planned * hand.direction for name, hand in hands.all.items()}
     readings = [estimate.placement(robot.frames[name]).rotation.T @ pushes[name] for name in robot.frames]
     measurement: Any = SimpleNamespace(
         angular_velocity=np.zeros(3), hand_wrenches=np.hstack((readings, np.zeros((2, 3))))

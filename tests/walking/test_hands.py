@@ -93,7 +93,7 @@ def shift_of(trial: Trial) -> np.ndarray[Any, Any]:
 def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> None:
     trial, hands = pressing(SensorNoise(hand_force=SignalNoise(bias_std=1.5)))
     both, plant = hands.all.values(), trial.plant
-    assert max(np.linalg.norm(hand.tare[:3]) for hand in both) > 1.0, "the sensors are off"
+    assert max(np.linalg.norm(hand.sensor.tare[:3]) for hand in both) > 1.0, "the sensors are off"
     felt: list[list[float]] = []
     trial.advance(0.2, lambda: felt.append([hand.pressed for hand in both]))
     assert np.array(felt) == pytest.approx(25.0, abs=2.5)
@@ -135,9 +135,9 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
     assert abs(trial.control.controller.solution.torques[index]) <= bound + 1e-6
-    assert all(bounded[40:]) and 5.0 < hand.total < 0.9 * 25.0
-    assert hand.pressed == pytest.approx(hand.total, abs=2.0) and hand.state is HandState.HOLD
-    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.total, abs=3.0)
+    assert all(bounded[40:]) and 5.0 < hand.force.total < 0.9 * 25.0
+    assert hand.pressed == pytest.approx(hand.force.total, abs=2.0) and hand.state is HandState.HOLD
+    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.force.total, abs=3.0)
 
 
 class Grip(TrialHook):
@@ -234,7 +234,7 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
     assert np.abs(hand.arm.task.feedforward_acceleration).max() > 0.1
     for _ in range(12):
         hand.update(None, None)
-        assert hand.planned == 0.0, "it has touched nothing"
+        assert hand.force.planned == 0.0, "it has touched nothing"
     assert hand.state is HandState.LOST
     robot, here = walking.controller.robot, pin.SE3(hand.arm.place)
     yaw = heading(robot.placement(robot.base_frame).rotation)
@@ -324,7 +324,7 @@ def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
     ):
         for _ in range(3):
             tick(most)
-            assert (hand.total, hand.bounded) == (pytest.approx(given), bounded)
+            assert (hand.force.total, hand.bounded) == (pytest.approx(given), bounded)
 
 
 # ---- in a tick: against closed forms -------------------------------------------------------------------------------
@@ -433,4 +433,4 @@ def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
     np.testing.assert_allclose(hand.contact.normal, (-0.6, 0.0, 0.8))
     for _ in range(25):
         tick(np.inf)
-    assert hand.state is HandState.HOLD and hand.total == pytest.approx(12.0)
+    assert hand.state is HandState.HOLD and hand.force.total == pytest.approx(12.0)

@@ -136,13 +136,12 @@ class WalkingControl(SteeredControl):
         self.source = walk = source_of(robot, source, dt, s, extent)
         tune(self.drives, walk)
         self.tasks = tasks_of(controller, walk, s)
-        self.arms = Arms(controller, dt, s.arms, self.tasks)
-        height, (left, _), estimate = com_height(robot, walk), robot.soles, observer.robot
+        self.arms = Arms(controller, s.arms, self.tasks)
+        height, estimate = com_height(robot, walk), observer.robot
         self._hands: Hands | None = None
-        if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
-            edges = 0.5 * left.length, 0.5 * left.width
+        if robot.frames:
             box = walk.standing_box if isinstance(walk, SteppingWalk) else None
-            self._hands = Hands(controller, estimate, s.hands, edges, height, self.arms, box)
+            self._hands = Hands(controller, estimate, s.hands, height, self.arms, box)
         self.load = None if s.load is None else HeldLoad(estimate, observer.observe_outside(), s.load)
         self.balance: Balance | None = None
         table = self.tasks.table

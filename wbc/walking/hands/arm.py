@@ -84,10 +84,10 @@ class Arm:
     """
 
     def __init__(
-        self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: TargetFrames
+        self, controller: Controller, name: str, settings: ArmSettings, frames: TargetFrames
     ) -> None:
-        """Leave the arm to the posture; dt is the control period, s."""
-        self._controller, self._robot, self._dt = controller, controller.robot, dt
+        """Leave the arm to the posture."""
+        self._controller, self._robot, self._dt = controller, controller.robot, controller.dt
         robot, self._frames = controller.robot, frames
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
         self.joints = robot.joints_between(
@@ -113,7 +113,7 @@ class Arm:
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
         self.within = WORLD
-        self._way = HandWay(settings.speed, settings.acceleration, dt)  # in the frame of the target
+        self._way = HandWay(settings.speed, settings.acceleration, self._dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
         self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
 
@@ -299,8 +299,8 @@ class Arm:
     def stop(self, frame: str) -> None:
         """Stop and stay where the reference is; in a new frame where the hand is."""
         place = self._way.place if frame == self.within else self.seen(frame)
+        self._way.halt()
         self.send(Route([place], frame, self._way.turn), led=self._led)
-        self._way.velocity = np.zeros(6)
 
     def send(self, route: Route, *, led: bool = True) -> None:
         """Go along a route; `led` by a hand that presses or grips, the arm takes no targets from `reach` until `leave`.

@@ -19,8 +19,6 @@ the force, and the delay T of sensor and servo.
 from __future__ import annotations
 
 import enum
-import logging
-import math
 from typing import Annotated
 
 import numpy as np
@@ -36,14 +34,13 @@ from wbc.core.qp.move import least_turn
 from wbc.core.qp.options import ContactOptions
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
-from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
+from wbc.walking.hands.force import PressForce
 from wbc.walking.hands.frames import FEET, WORLD
+from wbc.walking.hands.sensor import WristSensor
 from wbc.walking.hands.way import Route
 from wbc.walking.swing import REST
-
-logger = logging.getLogger(__name__)
 
 GAP, CLEARANCE = 0.01, 0.05
 """Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach, m."""
@@ -55,17 +52,8 @@ TURN = 0.003
 """Ratio of the cost of the orientation of a hand to that of its place: an arm that folds turns the hand, and one that
 cannot point where the hand is to press still goes there."""
 
-LOSS, LOSS_TIME = 0.3, 0.02
-"""Ratio of measured to planned force below which a contact is lost after a time, and that time, s."""
-
-SILENCE, LOSS_RAMP = 0.05, 0.15
-"""Time without a reading after which a contact is lost; time in which a lost force is faded out of the balance, s."""
-
-HELP_TIME = 0.02
-"""Time constant with which hands take over a moment that the feet cannot give, s."""
-
-HELP_LEAK = 0.05
-"""Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
+LOSS_RAMP = 0.15
+"""Time in which a lost force is faded out of the balance, s."""
 
 FILTER_TIME, SLOW_TIME = 0.05, 1.0
 """Time constants of two low-passes on measured forces, s: mc_rtc's. The quick one is what feet do not have to give; the
@@ -78,9 +66,6 @@ PRESS_WEIGHT, GRIP_WEIGHT = 1.0, 100.0
 """Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
 of a sole. What is gripped may roll: with a cost of 1 the QP takes 100 N from a cart that gives 17 N as soon as a step
 asks for it, and the arms throw themselves about."""
-
-BOUNDED = 1.0
-"""Lack of force from which on an arm counts as too weak, N."""
 
 ZERO = np.zeros(3)
 """No moment, or no turning."""
@@ -149,10 +134,8 @@ class Hand:
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along `direction`, N.
         ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
-        force: Ramp of the force that is asked for, N.
-        tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
-            its last approach; zero before the first.
-        extra: Force for the balance on top of the one that is asked for, N.
+        force: Planned force of a hand that presses.
+        sensor: Force sensor at its wrist.
         felt: Force on it while it grips, smoothed, in the world, shape (3,), N.
         bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
@@ -182,26 +165,23 @@ class Hand:
         self._force = WrenchTask(self.contact, weight=PRESS_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=GRIP_WEIGHT)
         self.direction = np.zeros(3)
-        self._reading, self.tare = np.zeros(6), np.zeros(6)
+        self.sensor = WristSensor(name, controller.dt)
         self._then = HandState.APPROACH  # state after the way to where it presses or grips
         self._begin(HandState.FREE)
 
     def _begin(self, state: HandState) -> None:
         """Begin in a state without a force."""
-        self.force = Ramp()
-        self.ordered = self.pressed = self.extra = 0.0
+        self.force, self.ordered, self.pressed = PressForce(), 0.0, 0.0
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
-        self._most = math.inf  # force that the arm has, N
-        self._silent = 0.0  # time since the last reading, s
+        self.sensor.listen()
         self._enter(state)
 
     def _enter(self, state: HandState) -> None:
         """Change to a state, which has its contact."""
         self.state = state
         self.contact.active, self.grasp.active = state is HandState.HOLD, state is HandState.GRIP
-        self._elapsed = 0.0  # time in this state, s
-        self._lasted = 0.0  # time for which the sign that ends it has lasted, a touch or a lack of force, s
+        self._touched = 0.0  # time for which it has felt a touch, s
 
     @property
     def reach(self) -> float:
@@ -215,24 +195,10 @@ class Hand:
         at = solution.layout.contacts.get(self.contact.name)
         return None if at is None else solution.variables[at]
 
-    @property
-    def planned(self) -> float:
-        """Planned force, N: the force asked for, limited to what the QP gives."""
-        return self.planned_after(0.0)
-
-    def planned_after(self, time: float) -> float:
-        """Return the planned force after a time, s, N."""
-        return min(self.force.after(time), self._most)
-
     def planned_wrench(self, time: float) -> Array:
         """Return the planned wrench on it after a time, s, at the world origin, shape (6,), N and Nm."""
-        push = -self.planned_after(time) * self.direction
+        push = -self.force.planned_after(time) * self.direction
         return np.concatenate((push, np.cross(self.measured.act(self.tip), push)))
-
-    @property
-    def total(self) -> float:
-        """Planned force plus the one for the balance, N."""
-        return self.planned + self.extra
 
     @property
     def helps(self) -> bool:
@@ -240,14 +206,9 @@ class Hand:
         return self.state is HandState.HOLD and self.ordered > 0.0
 
     @property
-    def active(self) -> bool:
-        """True while the hand is not free."""
-        return self.state is not HandState.FREE
-
-    @property
     def at_work(self) -> bool:
         """True while the hand presses, grips, or goes to where it is to, or a lost force is being faded out."""
-        return self.state not in (HandState.FREE, HandState.LOST) or self.force.value > 0.0
+        return self.state not in (HandState.FREE, HandState.LOST) or self.force.ramp.value > 0.0
 
     @property
     def destination(self) -> Array:
@@ -260,7 +221,7 @@ class Hand:
         if self.state is HandState.HOLD:
             self.direction, self.ordered = direction, force
             self.contact.normal = -direction
-            self.force.to(force, self._settings.ramp)
+            self.force.ramp.to(force, self._settings.ramp)
             return
         self._order(direction, force, self.contact, self._force)
         if at is None:
@@ -284,7 +245,8 @@ class Hand:
 
     def _go(self, point: Array, then: HandState) -> None:
         """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
-        self._then, self.tare, start = then, np.zeros(6), self.arm.place
+        self._then, start = then, self.arm.place
+        self.sensor.forget()
         way = point - start.translation
         turn = least_turn(self._axis, start.rotation.T @ self.direction)
         towards = float(way @ self.direction) * self.direction
@@ -311,10 +273,6 @@ class Hand:
         elif self.state is not HandState.FREE:
             self._free()
 
-    def help(self, force: float) -> None:
-        """Press with a force for the balance on top of the one that is asked for, N, by and by."""
-        self.extra += self._dt / HELP_TIME * (force - HELP_LEAK * self.extra)
-
     def update(self, reading: Array | None, solution: Solution | None, excess: Array = ZERO) -> Array | None:
         """Advance by one tick, and return the wrench on the hand, None while it touches nothing.
 
@@ -329,41 +287,24 @@ class Hand:
         """
         if self.state is HandState.FREE:
             return None
-        self._elapsed += self._dt
-        self._sense(reading)
-        wrench, rotation = self._reading - self.tare, self.measured.rotation
+        self.sensor.take(reading)
+        if self.sensor.silent and self.state not in (HandState.GRIP, HandState.LOST):
+            self._lose()
+        wrench, rotation = self.sensor.wrench, self.measured.rotation
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
         if self.state is HandState.HOLD:
             self._press(wrench, rotation, self.chosen(solution))
         elif self.state is HandState.GRIP:
             self._carry(wrench, rotation, excess)
         elif self.state is HandState.REACH:
-            self._reach(wrench)
+            self._reach()
         elif self.state is HandState.APPROACH:
             self._approach()
         else:
-            self.force.advance(self._dt)
+            self.force.ramp.advance(self._dt)
         if self.state not in (HandState.HOLD, HandState.GRIP, HandState.LOST):
             return None
         return np.asarray(self.measured.act(pin.Force(wrench)).vector)
-
-    def _sense(self, reading: Array | None) -> None:
-        """Take a reading of its sensor in; see `update`.
-
-        The last reading holds until `SILENCE` has passed. After that a hand that presses or approaches has lost its
-        contact, and the force on one that grips is zero.
-        """
-        if reading is not None and np.isfinite(reading).all():
-            self._reading[:], self._silent = reading, 0.0
-            return
-        before, self._silent = self._silent, self._silent + self._dt
-        if self._silent <= SILENCE:
-            return
-        self._reading[:] = self.tare
-        if before <= SILENCE:
-            logger.error("%s: no reading of its force sensor for %.3f s", self.name, self._silent)
-        if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
-            self._lose()
 
     def _carry(self, wrench: Array, rotation: Array, excess: Array) -> None:
         """Yield to the excess of the force on all hands, and ask the QP for the slow part of the wrench on this one."""
@@ -374,13 +315,10 @@ class Hand:
         self._borne += lag_gain(self._dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
         self._wrench.follow((self._borne.reshape(2, 3) @ self.arm.place.rotation).ravel())
 
-    def _reach(self, wrench: Array) -> None:
+    def _reach(self) -> None:
         """Learn the tare on the way, and begin what comes after it."""
-        arm, share = self.arm, self._dt / self._elapsed  # of this tick: 1 in the first one
-        if (
-            share == 1.0 or float(np.linalg.norm(wrench[:3])) < self._touch
-        ):  # an offset may be more than a touch
-            self.tare += share * wrench
+        arm = self.arm
+        self.sensor.learn(self._touch)
         if arm.moving or (target := arm.target) is None:
             return
         if self._then is HandState.APPROACH:
@@ -391,54 +329,42 @@ class Hand:
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
-        before, asked = self.force.value, float(self._force.target[2])
-        given = self._force.target if chosen is None else chosen
-        self.bounded = float(given[2]) < asked - BOUNDED
-        self._most = float(given[2]) if self.bounded else math.inf
-        self.force.advance(self._dt)
-        if self.ordered == 0.0:  # the force for the balance fades with it
-            self.extra *= self.force.value / max(before, ROUNDING)
-        self._watch()
-        if self.ordered == 0.0 and self.force.value == 0.0:
+        force, asked, ends = self.force, self._force.target, self.ordered == 0.0
+        given = asked if chosen is None else chosen
+        self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt, ends=ends)
+        if force.is_lost(self.pressed, self._touch, self._dt):
+            self._lose()
+        elif ends and force.ramp.value == 0.0:
             self._free()
-            return
-        self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
-        self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
-        target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
-        self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
+        else:
+            self._force.follow(np.array((0.0, 0.0, force.asked(self._touch))))
+            target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
+            self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
     def _approach(self) -> None:
         """Begin to press at a touch; stop after a search without one, and where the hand cannot go on."""
         arm = self.arm
-        self._lasted = self._lasted + self._dt if self.pressed > self._touch else 0.0
-        if self._lasted >= 2.0 * self._dt - ROUNDING:
+        self._touched = self._touched + self._dt if self.pressed > self._touch else 0.0
+        if self._touched >= 2.0 * self._dt - ROUNDING:
             self.contact.normal = -self.direction
             self._enter(HandState.HOLD)
             arm.stop(WORLD)
-            self.force = Ramp(min(self._touch, self.ordered))
-            self._force.follow(np.array((0.0, 0.0, self.force.value)))
-            self.force.to(self.ordered, self._settings.ramp)
+            self.force = PressForce(min(self._touch, self.ordered))
+            self._force.follow(np.array((0.0, 0.0, self.force.ramp.value)))
+            self.force.ramp.to(self.ordered, self._settings.ramp)
         elif not arm.moving or arm.behind > BEHIND:
-            self._lose()
-
-    def _watch(self) -> None:
-        """Detect the loss of the contact from a force that stays too small."""
-        least = min(self.planned, self.total)
-        short = self.pressed < LOSS * least and least > 2.0 * self._touch
-        self._lasted = self._lasted + self._dt if short else 0.0
-        if self._lasted > LOSS_TIME + ROUNDING:
             self._lose()
 
     def _fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""
-        self.force, self.ordered = Ramp(self.planned), 0.0
-        self.force.to(0.0, duration)
+        self.ordered = 0.0
+        self.force.fade(duration)
 
     def _lose(self) -> None:
         """Stop where the hand is, as seen from the feet."""
         self.arm.stop(FEET)
         self._enter(HandState.LOST)
-        self.extra = 0.0
+        self.force.extra = 0.0
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:

@@ -32,7 +32,8 @@ from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking.contact import GaitPhase
-from wbc.walking.hands.hand import FILTER_TIME, HELP_TIME, SLOW_TIME, ZERO, Hand, HandSettings, HandState
+from wbc.walking.hands.force import HELP_TIME
+from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, ZERO, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
@@ -61,7 +62,8 @@ class Hands:
         all: Role → hand.
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
-        active: True while a hand presses, or its lost force is still being faded out of the balance.
+        active: True while the balance counts the hands: one is at work, a lost force is still being faded out, or the
+            CoM comes back from its shift.
     """
 
     def __init__(
@@ -69,18 +71,20 @@ class Hands:
         controller: Controller,
         estimate: Robot,
         settings: HandSettings,
-        edges: tuple[float, float],
         height: float,
         arms: Arms,
         box: tuple[float, float] | None = None,
     ) -> None:
-        """Leave the hands free; `edges` are the toes and the side of a sole from its middle, m.
+        """Leave the hands free, for a CoM at a height over the soles, m.
 
-        The ZMP of a robot that stands stays within a `box` about that middle, m; within the edges when it is None.
+        The ZMP of a robot that stands stays within a `box` about the middle of a sole, to the toes and to the side, m;
+        within the sole when it is None.
         """
         self._controller, self._robot, self._estimate = controller, controller.robot, estimate
         self.settings, self._dt = settings, controller.dt
-        self._edges, self._box, self._height = edges, box or edges, height
+        # A loss is survived within one sole: while the robot walks it has no more.
+        self._edges = 0.5 * controller.robot.soles[0].length, 0.5 * controller.robot.soles[0].width
+        self._box, self._height = self._edges if box is None else box, height
         self.all: Mapping[str, Hand] = MappingProxyType(
             {
                 arm.name: Hand(controller, estimate, arm, index, settings)
@@ -132,7 +136,7 @@ class Hands:
     @property
     def there(self) -> bool:
         """True while all hands that are to press or grip do so."""
-        busy = [hand.state for hand in self.all.values() if hand.active]
+        busy = [hand.state for hand in self.all.values() if hand.state is not HandState.FREE]
         return bool(busy) and all(state in (HandState.HOLD, HandState.GRIP) for state in busy)
 
     @property
@@ -177,7 +181,8 @@ class Hands:
             force: Force, N.
             direction: Direction in which the hand presses, in the world, shape (3,): (0, 0, −1) on a table.
             at: Point of the surface, in the world of the robot's estimate, shape (3,), m: the hand goes before it
-                first; it approaches from where it is when None. A hand that presses already stays on its surface.
+                first, and learns the tare of its sensor. When None it approaches from where it is, with the tare of its
+                last way to a point. A hand that presses already stays on its surface.
             firm: True for what cannot give way, such as a wall or a rail; else a force whose sudden loss the robot
                 would not survive is refused.
 
@@ -185,17 +190,19 @@ class Hands:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured (yet).
         """
-        force, along = self._order(hand, force, direction, HandState.GRIP)
-        point = None if at is None else self._reachable(hand, at)
+        force, along = self._checked(hand, force, direction, HandState.GRIP)
+        each, point = self.all[hand], None if at is None else self._reachable(hand, at)
+        if each.state is HandState.HOLD:
+            point = None
         if point is None:
-            most, joint = self.all[hand].arm.strength(along, self.settings.share, self.all[hand].tip)
+            most, joint = each.arm.strength(along, self.settings.share, each.tip)
             if force > most:
                 raise InputError(
                     f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
                 )
         if not firm:
             self._check_loss(hand, along, force, point)
-        self.all[hand].press(along, force, point)
+        each.press(along, force, point)
 
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
@@ -213,12 +220,14 @@ class Hands:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured (yet).
         """
-        limit, along = self._order(hand, limit, direction, HandState.HOLD)
+        limit, along = self._checked(hand, limit, direction, HandState.HOLD)
         point = self._reachable(hand, at)
         self._check_loss(hand, along, limit, point)
         self.all[hand].grip(along, limit, point)
 
-    def _order(self, hand: str, force: float, direction: ArrayLike, other: HandState) -> tuple[float, Array]:
+    def _checked(
+        self, hand: str, force: float, direction: ArrayLike, other: HandState
+    ) -> tuple[float, Array]:
         """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,).
 
         In the other state the hand holds on by a contact that the order would lose within a tick.
@@ -269,11 +278,11 @@ class Hands:
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
         """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
         each = self.all[hand]
-        place = each.destination if at is None or each.state is HandState.HOLD else at
+        place = each.destination if at is None else at
         own = self._zmp_moved(along, place)  # by 1 N of this hand
         held = np.zeros(2)  # by the other hands
         for other in self.all.values():
-            if other is not each and other.active:
+            if other is not each and other.state is not HandState.FREE:
                 held += self._zmp_moved(other.ordered * other.direction, other.destination)
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
         most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), ROUNDING)))
@@ -316,6 +325,14 @@ class Hands:
                     felt += wrench
                     planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         self._excess = self._yielded(rests)
+        self._count(felt, pulled, planned, reference)
+        return self.outside
+
+    def _count(self, felt: Array, pulled: Array, planned: Array, reference: Reference) -> None:
+        """Filter the wrenches on hands that press and that grip, and shift the CoM for those that are planned.
+
+        All are [force; moment] at the world origin, shape (6,), N and Nm.
+        """
         dt = self._dt
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
@@ -326,7 +343,6 @@ class Hands:
         if not self.active:
             self.outside[:] = self._slow[:] = 0.0
             self._shift = Follower(SHIFT_TIME, np.zeros(2))
-        return self.outside
 
     def _watch_slip(self, measurement: Measurement, rests: bool) -> None:
         """Compare the turn by the gyroscope with that of its link in the estimate."""
@@ -384,4 +400,4 @@ class Hands:
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):
-            hand.help(force)
+            hand.force.help(force, self._dt)

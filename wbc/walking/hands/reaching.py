@@ -46,12 +46,12 @@ class Arms:
         all: Role of a hand → its arm.
     """
 
-    def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
-        """Leave the arms to the posture; no task is added before a hand is given a target; dt is the period, s."""
-        self.settings, self._controller, self._dt, self._tasks = settings, controller, dt, tasks
+    def __init__(self, controller: Controller, settings: ArmSettings, tasks: WalkTasks) -> None:
+        """Leave the arms to the posture; no task is added before a hand is given a target."""
+        self.settings, self._controller, self._tasks = settings, controller, tasks
         robot, self._frames = controller.robot, TargetFrames(controller)
         self.all: Mapping[str, Arm] = MappingProxyType(
-            {name: Arm(controller, name, dt, settings, self._frames) for name in robot.frames}
+            {name: Arm(controller, name, settings, self._frames) for name in robot.frames}
         )
         self._rest = np.array(robot.q[robot.base_nq :])
         self._turns = self._swing_turns()
@@ -86,7 +86,7 @@ class Arms:
         if active or self._spared:
             solution = self._controller.solution
             accelerations = None if solution is None else solution.accelerations
-            self._frames.follow(any(arm.within == FEET for arm in active), feet, yaw, self._dt)
+            self._frames.follow(any(arm.within == FEET for arm in active), feet, yaw, self._controller.dt)
             for arm in active:
                 arm.update(accelerations)
             self._spare(active, accelerations)

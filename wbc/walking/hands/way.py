@@ -27,15 +27,21 @@ Limits = Mapping[str, ArrayLike | None]
 
 
 class Route(NamedTuple):
-    """Order of a hand to go to a target, or through other poses to it."""
+    """Order of a hand to go to a target, or through other poses to it.
 
-    poses: Sequence[pin.SE3]  # in the frame, that of the target last
+    Attributes:
+        poses: Poses in the frame, that of the target last.
+        frame: Name of the frame.
+        turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
+        limits: Those of a minimum jerk trajectory to each pose; without any the hand goes at its speed.
+        speed: Greatest speed without trajectories, m/s; that of the settings when None.
+    """
+
+    poses: Sequence[pin.SE3]
     frame: str
-    turn: float  # ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0
-    limits: Sequence[
-        Limits
-    ] = ()  # of a minimum jerk trajectory to each pose; without any it goes at its speed
-    speed: float | None = None  # greatest one without trajectories, m/s; that of the settings when None
+    turn: float
+    limits: Sequence[Limits] = ()
+    speed: float | None = None
 
 
 class HandWay:
@@ -94,6 +100,10 @@ class HandWay:
         self.goal, self.turn = goals[-1], route.turn
         self._fastest = self._usual if route.speed is None else route.speed
         self.place, self.velocity = reference, velocity
+
+    def halt(self) -> None:
+        """Come to rest at once."""
+        self.velocity = np.zeros(6)
 
     def end(self) -> None:
         """Have no target any more."""
