@@ -33,7 +33,7 @@ from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.arrival import middle
+from wbc.sim.walks.arrival import feet_middle
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -296,7 +296,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
     def _progress(self) -> float:
         """Return the place of the true feet along x, m."""
         assert self.trial is not None
-        return float(middle(self.trial.plant)[0])
+        return float(feet_middle(self.trial.plant)[0])
 
     def _over_feet(self) -> Array:
         """Return the estimated CoM from the middle of the feet, shape (3,), m."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +17,61 @@ from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import JointActuator, actuators, switched_off
 from wbc.sim.plant.places import RobotPlaces
 
-INTEGRATED = {
-    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "velocity",
-    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "velocity",
-    int(mujoco.mjtIntegrator.mjINT_DISCRETE): "position",
-}
-"""Integrators under which servos of the file act on the velocity at the end of a step, or on that and the position."""
+IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
+"""Integrators under which servos of the file act on the velocity at the end of a step."""
 
+DISCRETE = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+"""Integrator under which they act on velocity and position at its end."""
 
 DRIVES = ("motor", "position", "velocity")
 """Names of the kinds of actuators; the first one of a joint takes its feed-forward."""
 
 MOTOR, POSITION, VELOCITY = range(3)
 """Their numbers."""
+
+
+class Table(NamedTuple):
+    """Actuators of the robot's joints that act, one entry each; a joint may have several.
+
+    Attributes:
+        number: Number of the actuator in the model, shape (n,).
+        control: Number of its control in the model, shape (n,).
+        joint: Number of the joint in the robot's order, shape (n,).
+        gear: Force on the joint over that of the actuator, shape (n,).
+        gain: Force of the actuator over its control, shape (n,).
+        bias: Its force b₀ + b₁ gear q + b₂ gear q̇ at a control of zero, shape (n, 3).
+    """
+
+    number: Index
+    control: Index
+    joint: Index
+    gear: Array
+    gain: Array
+    bias: Array
+
+    @staticmethod
+    def of(found: Sequence[tuple[JointActuator, int]]) -> Table:
+        """Return the table of actuators, each with the number of its joint."""
+        return Table(
+            number=np.array([each.number for each, _ in found], dtype=np.intp),
+            control=np.array([each.control for each, _ in found], dtype=np.intp),
+            joint=np.array([joint for _, joint in found], dtype=np.intp),
+            gear=np.array([each.gear for each, _ in found]),
+            gain=np.array([each.gain for each, _ in found], dtype=np.float64),
+            bias=np.array([each.bias for each, _ in found]).reshape(-1, 3),
+        )
+
+    def drives(self) -> Index:
+        """Return the kind of each actuator, a number in `DRIVES`, shape (n,)."""
+        _, position, velocity = self.bias.T != 0.0
+        return np.where(position, POSITION, np.where(velocity, VELOCITY, MOTOR))
+
+    def own(self, position: Array, velocity: Array) -> Array:
+        """Return the force of each actuator at a control of zero, by position and velocity of the joints."""
+        own: Array = self.bias[:, 0] + self.gear * (
+            self.bias[:, 1] * position[self.joint] + self.bias[:, 2] * velocity[self.joint]
+        )
+        return own
 
 
 class JointActuators:
@@ -58,88 +103,60 @@ class JointActuators:
     def __init__(self, places: RobotPlaces, description: RobotDescription) -> None:
         """Find the actuators of the robot's joints, or raise a `ModelError`."""
         self._model = model = places.model
-        self._names = description.joint_names
-        joints, na = places.joints, len(places.joints)
+        na, names, robot = len(places.joints), description.joint_names, description.robot()
         self._qpos, self._dof = places.joint_qpos, places.joint_dof
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
-        robot = description.robot()
         self._limits = robot.torque_lower, robot.torque_upper
-        of_joint = {joint: i for i, joint in enumerate(joints)}
-        found: list[tuple[JointActuator, int]] = []
-        for each in actuators(model):
-            if (joint := of_joint.get(each.joint)) is not None and each.on:
-                self._check(each, self._names[joint])
-                found.append((each, joint))
-        self._actuators = np.array([each.number for each, _ in found], dtype=np.intp)
-        self._controls = np.array([each.control for each, _ in found], dtype=np.intp)
+        found = _acting(places, names)
+        self._table = table = Table.of(found)
         spare = [control for each, _ in found for control in each.controls if control != each.control]
         self._spare = np.array(spare, dtype=np.intp)  # further controls of an actuator, which stay zero
-        self._joints = np.array([j for _, j in found], dtype=np.intp)
-        self._gear = np.array([each.gear for each, _ in found])
-        self._gain = np.array([each.gain for each, _ in found], dtype=np.float64)
-        self._bias = np.array([each.bias for each, _ in found]).reshape(-1, 3)
-        position, velocity = (self._bias[:, term] != 0.0 for term in (1, 2))
-        drives = np.where(position, POSITION, np.where(velocity, VELOCITY, MOTOR))
-        self._main = np.zeros(len(found), dtype=bool)  # takes the feed-forward: the motor if there is one
-        self.servo = np.zeros(na, dtype=bool)
-        kinds: list[list[str]] = [[] for _ in range(na)]
-        for joint in range(na):
-            mine = np.flatnonzero(self._joints == joint)
-            if mine.size:
-                self._main[mine[np.argmin(drives[mine])]] = True
-                self.servo[joint] = bool(position[mine].any())
-            kinds[joint] = [DRIVES[drives[i]] for i in mine]
+        drives = table.drives()
+        in_order = np.lexsort((drives, table.joint))
+        _, first = np.unique(table.joint[in_order], return_index=True)  # a motor, if the joint has one
+        self._main = np.isin(np.arange(len(found)), in_order[first])  # takes the feed-forward
+        self.servo = np.isin(np.arange(na), table.joint[drives == POSITION])
         self._no_servo = np.zeros_like(self.servo)
+        kinds = [[DRIVES[drive] for drive in drives[table.joint == joint]] for joint in range(na)]
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
         idle = set(description.passive)  # what moves them is not a drive
-        bare = [i for i, name in enumerate(self._names) if not kinds[i] and name not in idle]
+        bare = [i for i, name in enumerate(names) if not kinds[i] and name not in idle]
         self.bare = np.array(bare, dtype=np.intp)
         self.applied = np.zeros(na)
-        tree = np.flatnonzero(places.of_robot[model.dof_bodyid]).tolist()
-        self._tree = np.array(tree, dtype=np.intp)
-        place = {dof: i for i, dof in enumerate(tree)}
-        self._tree_dof = np.array([place[int(dof)] for dof in self._dof], dtype=np.intp)
+        self._tree = np.flatnonzero(places.of_robot[model.dof_bodyid])
+        self._tree_dof = np.searchsorted(self._tree, self._dof)
         self._mass = np.zeros((model.nv, model.nv))
-        self._sprung = bool(self._bias[:, 1:].any())
-        self._at_end = INTEGRATED.get(int(model.opt.integrator))
+        self._sprung = bool(table.bias[:, 1:].any())
+        self._discrete = model.opt.integrator == DISCRETE
+        self._at_end = self._discrete or model.opt.integrator in IMPLICIT
         self._speed = np.zeros(na)  # of the joints before the last step, rad/s
         self._taken = np.zeros(na)  # by the servos of the file, of the torque that MuJoCo reports
-
-    def _check(self, actuator: JointActuator, joint: str) -> None:
-        what = f"actuator '{actuator.name}' of joint '{joint}'"
-        if actuator.gain is None:
-            raise ModelError(
-                f"{what} must be a motor, a servo of position or velocity, a general one with a fixed gain, or a pid "
-                f"without an integral term and without a bound of its speed; got {actuator.kind}"
-            )
-        if actuator.gain == 0.0 or actuator.gear == 0.0:
-            raise ModelError(f"{what} has a gain or a gear of zero")
 
     def reach(self, position: Array) -> tuple[Array, Array]:
         """Return least and greatest torque at rest that the controls' ranges leave, shape (na,), Nm; inf without."""
         least, most = np.full(position.size, -np.inf), np.full(position.size, np.inf)
-        model, chosen = self._model, np.flatnonzero(self._main)
+        model, table, chosen = self._model, self._table, np.flatnonzero(self._main)
         if switched_off(model, mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL):
             return least, most
-        for i in chosen[model.actuator_ctrllimited[self._controls[chosen]].astype(bool)]:
-            joint, gear = self._joints[i], self._gear[i]
-            own = self._bias[i, 0] + self._bias[i, 1] * gear * position[joint]
-            ends = gear * (self._gain[i] * model.actuator_ctrlrange[self._controls[i]] + own)
+        for i in chosen[model.actuator_ctrllimited[table.control[chosen]].astype(bool)]:
+            joint, gear, bias = table.joint[i], table.gear[i], table.bias[i]
+            own = bias[0] + bias[1] * gear * position[joint]
+            ends = gear * (table.gain[i] * model.actuator_ctrlrange[table.control[i]] + own)
             least[joint], most[joint] = ends.min(), ends.max()
         return least, most
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step for a checked command; the state is up to date."""
-        position, velocity = command.joint_position, command.joint_velocity
+        table, position, velocity = self._table, command.joint_position, command.joint_velocity
         follows = position is not None and command.kp is None and command.kd is None
         at_servo = self.servo if follows else self._no_servo
         torque = self._joint_torque(data, command, at_servo)
-        own = self._own_now(data, at_servo[self._joints])
+        own = self._own_now(data, at_servo[table.joint])
         if position is not None and follows:
-            there = self._own(position, np.zeros_like(position) if velocity is None else velocity)
-            own = np.where(at_servo[self._joints], there, own)
-        force = np.where(self._main, torque[self._joints] / self._gear, 0.0)
-        data.ctrl[self._controls] = (force - own) / self._gain
+            there = table.own(position, np.zeros_like(position) if velocity is None else velocity)
+            own = np.where(at_servo[table.joint], there, own)
+        force = np.where(self._main, torque[table.joint] / table.gear, 0.0)
+        data.ctrl[table.control] = (force - own) / table.gain
         if self._spare.size:
             data.ctrl[self._spare] = 0.0
         if self.bare.size:
@@ -158,31 +175,24 @@ class JointActuators:
 
         What that changes of the torque that MuJoCo reports is kept, but for actuators that are `held` at a reference.
         """
+        table = self._table
         if not self._sprung:
-            constant: Array = self._bias[:, 0]
+            constant: Array = table.bias[:, 0]
             return constant
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
-        own = self._own(q, v)
+        own = table.own(q, v)
         if not self._at_end:
             return own
         v_end = v + (v - self._speed)  # at the acceleration of the last step
         self._speed = v
-        at_end = self._own(q + self._model.opt.timestep * v_end if self._at_end == "position" else q, v_end)
+        at_end = table.own(q + self._model.opt.timestep * v_end if self._discrete else q, v_end)
         self._taken.fill(0.0)
-        np.add.at(self._taken, self._joints, np.where(held, 0.0, self._gear * (at_end - own)))
+        np.add.at(self._taken, table.joint, np.where(held, 0.0, table.gear * (at_end - own)))
         return at_end
-
-    def _own(self, position: Array, velocity: Array) -> Array:
-        """Return the force of each actuator at a control of zero, by position and velocity of the joints."""
-        gear, j = self._gear, self._joints
-        own: Array = self._bias[:, 0] + gear * (
-            self._bias[:, 1] * position[j] + self._bias[:, 2] * velocity[j]
-        )
-        return own
 
     def switch_off(self, data: mujoco.MjData) -> None:
         """Take the controls and torques of the last command away, and what actuators keep of it."""
-        data.ctrl[self._controls] = 0.0
+        data.ctrl[self._table.control] = 0.0
         data.qfrc_applied[self._dof[self.bare]] = 0.0
         data.act[self._lagging()[0]] = 0.0
         self.begin(data)
@@ -199,8 +209,8 @@ class JointActuators:
 
     def _lagging(self) -> tuple[Index, Index]:
         """Return the states of actuators with a lag, and their controls."""
-        states = self._model.actuator_actadr[self._actuators]
-        return states[states >= 0], self._controls[states >= 0]
+        states = self._model.actuator_actadr[self._table.number]
+        return states[states >= 0], self._table.control[states >= 0]
 
     def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
@@ -229,3 +239,21 @@ class JointActuators:
         """Return the torques of all drives in the last physics step, shape (na,), Nm."""
         torque: Array = data.qfrc_actuator[self._dof] + self.applied + self._taken
         return torque
+
+
+def _acting(places: RobotPlaces, names: Sequence[str]) -> list[tuple[JointActuator, int]]:
+    """Return the actuators that act on joints of the robot, each with the number of its joint, or refuse one."""
+    found, of_joint = [], {joint: i for i, joint in enumerate(places.joints)}
+    for each in actuators(places.model):
+        if (joint := of_joint.get(each.joint)) is None or not each.on:
+            continue
+        what = f"actuator '{each.name}' of joint '{names[joint]}'"
+        if each.gain is None:
+            raise ModelError(
+                f"{what} must be a motor, a servo of position or velocity, a general one with a fixed gain, or a pid "
+                f"without an integral term and without a bound of its speed; got {each.kind}"
+            )
+        if each.gain == 0.0 or each.gear == 0.0:
+            raise ModelError(f"{what} has a gain or a gear of zero")
+        found.append((each, joint))
+    return found

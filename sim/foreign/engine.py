@@ -9,15 +9,17 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Seed
+from wbc.core.conventions import Index
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
@@ -61,9 +63,9 @@ class EngineContacts(NamedTuple):
         sole: Sole of each contact, shape (n,): 0 left, 1 right, −1 for other parts of the robot.
     """
 
-    position: Any
-    force: Any
-    sole: Any
+    position: ArrayLike
+    force: ArrayLike
+    sole: ArrayLike
 
 
 class EngineLoop(Simulation):
@@ -164,6 +166,7 @@ class EngineLoop(Simulation):
 
     def _true_state(self) -> GroundTruth:
         com = pin.centerOfMass(self._model, self._data, self._q, self._v)
+        position, force, sole = self._touched
         return GroundTruth(
             time=self.time,
             q=self._q.copy(),
@@ -171,9 +174,9 @@ class EngineLoop(Simulation):
             com=com.copy(),
             com_velocity=self._data.vcom[0].copy(),
             joint_torque=self._torque.copy(),
-            contact_position=self._touched.position,
-            contact_force=self._touched.force,
-            contact_sole=self._touched.sole,
+            contact_position=position,
+            contact_force=force,
+            contact_sole=sole,
             sole_wrench=self._wrenches[-1].copy(),
         )
 
@@ -217,7 +220,7 @@ class EngineLoop(Simulation):
             wrench[:, 2] = robot.mass * GRAVITY / len(self.soles)
         self._wrenches.clear()
         self._wrenches.append(wrench)
-        self._touched = EngineContacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp))
+        self._touched = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp)
         self._sample()
 
     def _follow(self, order: Command) -> None:
@@ -248,17 +251,17 @@ class EngineLoop(Simulation):
         if not self._look():
             return
         position, force, sole = self.contacts()
-        self._touched = EngineContacts(
+        self._touched = touched = (
             np.asarray(position, dtype=float).reshape(-1, 3),
             np.asarray(force, dtype=float).reshape(-1, 3),
             np.asarray(sole, dtype=np.intp),
         )
-        if len({len(each) for each in self._touched}) > 1:
+        if len({len(each) for each in touched}) > 1:
             raise InputError(
                 f"{type(self).__name__}.contacts must return a point, a force and a sole for each contact, got "
-                + ", ".join(str(len(each)) for each in self._touched)
+                + ", ".join(str(len(each)) for each in touched)
             )
-        self._wrenches.append(self._sole_wrenches(self._touched))
+        self._wrenches.append(self._sole_wrenches(*touched))
 
     def _look(self) -> bool:
         """Read the state of the engine; False if the simulation has diverged."""
@@ -289,9 +292,8 @@ class EngineLoop(Simulation):
         if self.machine.torque_sensors:
             signals.joint_torque[:] = self._torque
 
-    def _sole_wrenches(self, contacts: EngineContacts) -> Array:
+    def _sole_wrenches(self, position: Array, force: Array, sole: Index) -> Array:
         """Return the wrench on each sole, [force; moment] in its frame at its centre, shape (soles, 6)."""
-        position, force, sole = (np.asarray(each) for each in contacts)
         wrenches = np.zeros((len(self.soles), 6))
         for i, frame in enumerate(self._sole_frames):
             mine = sole == i

@@ -51,7 +51,10 @@ def drive_notes(description: RobotDescription, robot: Robot, actuators: JointAct
 
 
 def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces) -> Iterator[str]:
-    """Yield notes on masses, forces, couplings and joints that the model has otherwise than the description."""
+    """Yield notes on masses, forces, couplings and joints that the model has otherwise than the description.
+
+    Joints that nothing holds are also a warning in the log, because the robot falls.
+    """
     model = places.model
     mass = float(model.body_subtreemass[places.root])
     if abs(mass - robot.mass) > OTHER_MASS * robot.mass:
@@ -70,7 +73,7 @@ def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces
             f"{len(limp)} joints of the robot are not in the description, and nothing holds them: {listed(limp)}; "
             "give them a servo in the model, or their controls in data.ctrl"
         )
-        logger.warning("%s", note)  # the robot falls
+        logger.warning("%s", note)
         yield note
     springs = {name: spring for name, (spring, _) in description.springs.items()}
     stiff = np.zeros(model.nv)

@@ -113,25 +113,7 @@ class RobotServer:
 
     def step(self) -> None:
         """Advance by one control period."""
-        damped, command = self._wire.receive()
-        now = time.monotonic()
-        try:
-            if command is not None:
-                if not isinstance(command, Command):
-                    raise InputError(f"a robot takes a Command, got {shown(command)}")
-                command.check(self.loop.robot.joint_names)
-        except InputError as error:
-            logger.warning("%s: the %s", error, "joints are damped" if self._rack is None else "rack holds")
-            damped = True
-        if command is not None and not damped:
-            self._last, self._rack = now, None
-        self.silent = now - self._last
-        if self._rack is not None:
-            self._command = self._rack
-        elif damped or self.silent + self.loop.control_period > self._watchdog:
-            self._command = None
-        elif command is not None:
-            self._command = command
+        self._command = self._choose(*self._receive())
         self.damped = self._command is None
         self._pull()
         try:
@@ -141,6 +123,31 @@ class RobotServer:
             self._command, self.damped = None, True
             self.loop.step(self._sinking())
         self._wire.send(self.loop.measure())
+
+    def _receive(self) -> tuple[bool, Command | None]:
+        """Return whether damping is asked for, or a bad command has come, and the newest command."""
+        refused, command = self._wire.receive()
+        now = time.monotonic()
+        try:
+            if command is not None:
+                if not isinstance(command, Command):
+                    raise InputError(f"a robot takes a Command, got {shown(command)}")
+                command.check(self.loop.robot.joint_names)
+        except InputError as error:
+            logger.warning("%s: the %s", error, "joints are damped" if self._rack is None else "rack holds")
+            refused = True
+        if command is not None and not refused:
+            self._last, self._rack = now, None
+        self.silent = now - self._last
+        return refused, command
+
+    def _choose(self, refused: bool, newest: Command | None) -> Command | None:
+        """Return the command of this period: that of the rack, the newest or the last one; None to damp the joints."""
+        if self._rack is not None:
+            return self._rack
+        if refused or self.silent + self.loop.control_period > self._watchdog:
+            return None
+        return self._command if newest is None else newest
 
     def _sinking(self) -> Command:
         q: Array = self.loop.data.qpos[self.loop.places.joint_qpos]

@@ -139,6 +139,7 @@ class SharedPlant:
         things = None if scene is None else furniture(scene)
         self.model = _shared_model(descriptions, foot, ground, things, timestep)
         self.data = mujoco.MjData(self.model)
+        # A loop notes what its robot begins inside of, and in a new state all robots stand in one place.
         for name, description in descriptions.items():
             robot, locked = description.robot(), description.locked
             places_in_model = RobotPlaces(self.model, robot, None, f"{name}/", locked=locked)

@@ -31,18 +31,18 @@ class Arrival(TrialHook):
 
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
         self.goal = goal
-        self.track = finite_array("track (m)", track)
+        self.track = places = finite_array("track (m)", track)
         self.track_error = 0.0
-        self._x, self._y = (self.track[:-1] if len(self.track) > 1 else self.track).T.copy()
-        self._along, self._aside = (
-            np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))
-        ).T.copy()
+        if len(places) == 1:
+            places = np.repeat(places, 2, axis=0)  # a line of no length
+        self._x, self._y = places[:-1].T.copy()
+        self._along, self._aside = np.diff(places, axis=0).T.copy()
         self._squares = np.maximum(self._along**2 + self._aside**2, 1e-12)
 
     def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         if trial.diverged is None:
-            self.update(middle(trial.plant))
+            self.update(feet_middle(trial.plant))
 
     def update(self, middle: Array) -> None:
         """Compare the middle of the feet, shape (2,), m, with the track."""
@@ -63,7 +63,7 @@ class Arrival(TrialHook):
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
 
 
-def middle(plant: Simulation) -> Array:
+def feet_middle(plant: Simulation) -> Array:
     """Return the middle between the true soles, shape (2,), m."""
     left, right = plant.sole_pose(0)[0], plant.sole_pose(1)[0]
     return np.asarray(0.5 * (left[:2] + right[:2]))

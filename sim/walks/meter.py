@@ -267,7 +267,7 @@ class WalkMeter(TrialHook):
 
     def figures(self) -> dict[str, Any]:
         """Return the fields of a `WalkResult` that are measured here."""
-        worst = int(np.argmax(self._peak))
+        worst, legs = int(np.argmax(self._peak)), self._plant.robot.leg_joints
         count = self._events
         return {
             "zmp_error": spread(self._zmp),
@@ -278,10 +278,7 @@ class WalkMeter(TrialHook):
             "peak_torque_joint": self._plant.robot.joint_names[worst],
             "speed": self._speed(),
             "torque_ratio": spread(self._effort),
-            "energy": Energy(
-                float(self.work[legs := self._plant.robot.leg_joints].sum()),
-                float(np.delete(self.work, legs).sum()),
-            ),
+            "energy": Energy(float(self.work[legs].sum()), float(np.delete(self.work, legs).sum())),
             "vibration": float(vibration(self._velocities, self._sample).sum()),
             "slip": self._slip,
             "touchdowns": Touchdowns(

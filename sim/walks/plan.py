@@ -44,6 +44,13 @@ STEPS = 22
 KINDS = ("distance", "velocity", "turn", "stairs", "footsteps", "drive")
 """Kinds of plans, of which a walk has one."""
 
+SIDED = {
+    "turn": "the side of the turn steps first",
+    "drive": "the side of the motion steps first",
+    "footsteps": "footsteps have their sides",
+}
+"""Kinds of plans that say themselves which side steps first → how."""
+
 
 class TooFastError(InputError):
     """A velocity that planned steps do not give, and free steps may."""
@@ -56,8 +63,7 @@ class WalkPlan:
     Attributes:
         distance: Distance straight on, m; negative for backwards; 3 m where no plan is given.
         velocity: Velocity forward (m/s), to the left (m/s) and turn (rad/s); steps take less time at a higher velocity.
-        steps: Number of steps of a walk with a velocity. Free steps walk for the time that
-            so many slow steps take.
+        steps: Number of steps of a walk with a velocity. Free steps walk for the time that so many slow steps take.
         turn: Angle of a turn on the spot, rad; positive to the left.
         stairs: Way to climb or descend the stairs of the terrain: with both feet or with one foot on each stair.
         footsteps: Landings of the feet in the world.
@@ -90,10 +96,10 @@ class WalkPlan:
             object.__setattr__(self, "steps", STEPS)
         if self.drive is not None:
             check_drive(self.drive)
-            if self.first is not None:
-                raise InputError("the side of the motion steps first; leave the first side out")
-        if self.footsteps is not None and self.first is not None:
-            raise InputError("footsteps have their sides; leave the first side out")
+        if self.footsteps == ():
+            raise InputError("a walk needs at least one footstep")
+        if self.first is not None and given and given[0] in SIDED:
+            raise InputError(f"{SIDED[given[0]]}; leave the first side out")
 
     @property
     def climbs(self) -> bool:
@@ -117,32 +123,12 @@ class WalkPlan:
             start = replace(start, gait=Gait.for_speed(self.velocity, start.gait))
             return walk_velocity(start, self.velocity, self.steps, first=self.first)
         if self.turn is not None:
-            if self.first is not None:
-                raise InputError("the side of the turn steps first; leave the first side out")
             return turn_in_place(start, self.turn)
         if self.stairs is not None:
-            heading = mean_heading(start.left.yaw, start.right.yaw)
-            if abs(heading) > STRAIGHT:
-                raise InputError(
-                    f"the robot must face the stairs, which rise along x, within {STRAIGHT:g} rad; its heading is "
-                    f"{heading:g} rad"
-                )
-            rise, tread, count, edge = stair_of(terrain)
-            middle = 0.5 * (start.left.x + start.right.x)
-            return climb_stairs(
-                start,
-                rise=rise,
-                tread=tread,
-                count=count,
-                first_edge=edge - middle,
-                together=self.stairs == "together",
-                first=first,
-            )
+            return _stairs(start, terrain, together=self.stairs == "together", first=first)
         if self.drive is not None:
             return start  # footsteps follow as the robot goes
         assert self.footsteps is not None
-        if not self.footsteps:
-            raise InputError("a walk needs at least one footstep")
         return replace(start, steps=self.footsteps)
 
     def way(self, start: Place, gait: Gait, *, planned: bool) -> list[tuple[float, float]]:
@@ -248,6 +234,23 @@ class Drive(TrialHook):
     def over(self) -> bool:
         """True when the last row is commanded and the robot stands, at its goal or without an order."""
         return not self._pending and self._walking.done
+
+
+def _stairs(
+    start: FootstepPlan, terrain: Terrain, *, together: bool, first: Literal["left", "right"]
+) -> FootstepPlan:
+    """Return footsteps on the stairs of a ground, with both feet or with one foot on each stair."""
+    heading = mean_heading(start.left.yaw, start.right.yaw)
+    if abs(heading) > STRAIGHT:
+        raise InputError(
+            f"the robot must face the stairs, which rise along x, within {STRAIGHT:g} rad; its heading is "
+            f"{heading:g} rad"
+        )
+    rise, tread, count, edge = stair_of(terrain)
+    ahead = edge - 0.5 * (start.left.x + start.right.x)
+    return climb_stairs(
+        start, rise=rise, tread=tread, count=count, first_edge=ahead, together=together, first=first
+    )
 
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:

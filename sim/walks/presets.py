@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wbc.base.registry import Registry
-from wbc.sim.walks.plan import KINDS
+from wbc.sim.walks.plan import KINDS, SIDED
 
 FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
 """Swing of mc_rtc: the highest point in the middle, no slow part before the landing."""
@@ -65,8 +65,7 @@ def plan_over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, A
     kept = {name: value for name, value in lower.items() if value is not None}
     kinds = [name for name in KINDS if upper.get(name) is not None]
     if kinds and not any(name in kept for name in kinds):
-        sided = {*kinds} <= {"distance", "velocity", "stairs"}
-        kept = {name: value for name, value in kept.items() if name == "first" and sided}
+        kept = {"first": kept["first"]} if "first" in kept and SIDED.keys().isdisjoint(kinds) else {}
     return {**kept, **upper}
 
 

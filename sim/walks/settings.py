@@ -106,17 +106,18 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
     return normal
 
 
-OF_STEPS = {
-    True: ("stepping",),
-    False: ("drive", "walk", "gains", "distribution", "lean", "bias", "tasks", "feedforward"),
-}
-"""True for free steps, False for planned ones → settings that count in these alone."""
+OF_FREE = ("stepping",)
+"""Settings that count in free steps alone."""
+
+OF_PLANNED = ("drive", "walk", "gains", "distribution", "lean", "bias", "tasks", "feedforward")
+"""Settings that count in planned steps alone."""
 
 
 def check_read(changes: Changes, trial: WalkTrialSettings) -> None:
     """Refuse changes of settings of steps that a walk does not take."""
+    others = OF_PLANNED if trial.free else OF_FREE
     for path, _ in changes:
-        if path.partition(".")[0] in OF_STEPS[not trial.free]:
+        if path.partition(".")[0] in others:
             steps, mode = ("planned", "position") if trial.free else ("free", "torque")
             raise InputError(
                 f"'{path}' is a setting of {steps} steps, which mode='{mode}' takes, got mode='{trial.mode}'"

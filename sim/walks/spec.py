@@ -201,7 +201,7 @@ class WalkSpec(TrialSpec):
     @property
     def free(self) -> bool:
         """True if the steps are decided as the robot goes, in torque and hybrid control; False for planned steps."""
-        return self.chosen != "position"
+        return self.settings().free
 
     def foot_design(self) -> Foot:
         """Return the foot."""

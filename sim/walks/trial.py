@@ -31,7 +31,7 @@ from wbc.sim.trial.falls import BodyLimits
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
-from wbc.sim.walks.arrival import Arrival, middle
+from wbc.sim.walks.arrival import Arrival, feet_middle
 from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved_configuration
@@ -140,7 +140,7 @@ class WalkTrial(Trial[Any, WalkResult]):
         if planned is not None and planned.stiffness is not None:
             self.sole_meter = StiffnessMeter(cast(Plant, plant), planned)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
-        self._origin = middle(plant)
+        self._origin = feet_middle(plant)
         if self._arrival is not None and planned is not None:
             self.scenario.append(self._arrival)
             if not prepared.plan.steps:
@@ -206,7 +206,7 @@ class WalkTrial(Trial[Any, WalkResult]):
             return "stopped"
         if not self._drive.over:
             return "unfinished"
-        if self._arrival is None or self._arrival.arrived(middle(self.plant), self._heading()):
+        if self._arrival is None or self._arrival.arrived(feet_middle(self.plant), self._heading()):
             return "completed"
         return "stopped" if self.control.stopped else "strayed"
 
@@ -228,8 +228,8 @@ class WalkTrial(Trial[Any, WalkResult]):
             return found | {"cost_of_transport": None}
         yaw = self.spec.start[2]
         c, s = math.cos(yaw), math.sin(yaw)
-        dx, dy = (middle(self.plant) - self._origin).tolist()
-        weight = self.plant.robot.mass * GRAVITY
+        dx, dy = (feet_middle(self.plant) - self._origin).tolist()
+        way, weight = math.hypot(dx, dy), self.plant.robot.mass * GRAVITY
         reference = self.control.reference if isinstance(self.control, WalkingControl) else None
         desired = yaw if reference is None else reference.progress.heading
         if self.spec.trained is not None:  # which has no reference
@@ -238,10 +238,8 @@ class WalkTrial(Trial[Any, WalkResult]):
             "distance": c * dx + s * dy,
             "drift": c * dy - s * dx,
             "yaw_error": math.remainder(self._heading() - desired, math.tau),
-            "goal_error": None if arrival is None else arrival.error(middle(self.plant)),
-            "cost_of_transport": float(self.meter.work.sum()) / (weight * way)
-            if (way := math.hypot(dx, dy)) >= LEAST_WAY
-            else None,
+            "goal_error": None if arrival is None else arrival.error(feet_middle(self.plant)),
+            "cost_of_transport": float(self.meter.work.sum()) / (weight * way) if way >= LEAST_WAY else None,
         }
 
 

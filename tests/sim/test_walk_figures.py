@@ -34,6 +34,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter, magnitude
 from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import VelocityLimits
 from wbc.walking.source import Progress
@@ -239,7 +240,9 @@ def test_a_plan_keeps_of_a_lower_one_what_belongs_to_its_kind() -> None:
         {"distance": 1.0, "turn": 1.0},
         {"distance": 1.0, "steps": 3},
         {"drive": ((0.0, 0.0, 0.0, 0.0),), "first": "left"},
-        {"footsteps": (), "first": "left"},
+        {"turn": 0.5, "first": "left"},
+        {"footsteps": (Footstep("left", 0.1, 0.09),), "first": "left"},
+        {"footsteps": ()},
     ):
         with pytest.raises(InputError):
             WalkPlan(**bad)  # type: ignore[arg-type]
@@ -256,6 +259,12 @@ def test_a_planned_walk_takes_the_time_of_its_phases() -> None:
     rows = ((0.0, 0.1, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))
     driven = WalkSpec(plan=WalkPlan(drive=rows), gait=gait, mode="position").prepare()
     assert driven.nominal_time == pytest.approx(3.0 + 2.0 * 0.9 + 0.8) and driven.arrival() is None
+
+
+def test_a_driven_walk_steps_as_its_gait_says() -> None:
+    rows = ((0.0, 0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    spec = WalkSpec(plan=WalkPlan(drive=rows), gait=Gait(swing_height=0.1), mode="position")
+    assert WalkTrial(spec, visuals=False).control.source.lift_room == 0.1
 
 
 def test_a_walk_with_free_steps_has_time_to_set_off_go_turn_and_stop() -> None:
