@@ -103,13 +103,9 @@ def test_a_scene_has_shapes_where_their_colours_change_places_and_marks_at_every
     file: FoxgloveFile,
 ) -> None:
     model = mujoco.MjModel.from_xml_string(MODEL)
-    data, rates = mujoco.MjData(model), []
+    data = mujoco.MjData(model)
     clouds = [Mark(f"map {k}", "cloud", np.full((4, 3), float(k)), (0.1, 0.2, 0.3, 1.0)) for k in (0, 1)]
     ball = Mark("zmp", "ball", np.array([[0.5, 0.25, 0.0]]), (0.9, 0.8, 0.7, 0.6), 0.02)
-
-    def ticks(rate: float) -> range:
-        rates.append(rate)
-        return range(4)
 
     def picture(tick: int) -> Picture:
         data.qpos[:] = [0.1 * tick, -0.2 * tick, 1.0, 0.6, 0.0, 0.8, 0.0]
@@ -117,9 +113,10 @@ def test_a_scene_has_shapes_where_their_colours_change_places_and_marks_at_every
         soft = {1: (0.0, 0.0, 1.0, 1.0)} if tick == 3 else {}  # as a sole that is set to another stiffness
         return Picture(float(TIME[tick]), [ball, clouds[tick // 2]], colours=soft)  # type: ignore[arg-type]
 
-    replay: Any = SimpleNamespace(model=model, data=data, ticks=ticks, picture=picture)
-    file.write_scene(replay, 12.5)
-    assert rates == [12.5]
+    stage: Any = SimpleNamespace(model=model, data=data)
+    scene = file.scene(stage)
+    for tick in range(4):
+        scene.draw(picture(tick))
     times = [round(1e9 * time) for time in TIME[:4]]
     (begun, robot), *later = CHANNELS["/robot"]
     assert begun == times[0]
@@ -161,4 +158,4 @@ def test_a_scene_has_shapes_where_their_colours_change_places_and_marks_at_every
 def test_times_are_nanoseconds_and_none_before_the_epoch(file: FoxgloveFile) -> None:
     assert foxglove._nanoseconds(1.5) == 1_500_000_000 and foxglove._nanoseconds(-2.0) == 0
     assert foxglove._nanoseconds(1.2345678912) == 1_234_567_891
-    assert file._timestamp(3.25) == (3, 250_000_000)
+    assert foxglove._timestamp(file._messages, 3.25) == (3, 250_000_000)

@@ -31,9 +31,7 @@ from wbc.app.view.marks import (
     Mark,
     Picture,
     Scale,
-    Walking,
     balance_marks,
-    changes,
     css,
     draw,
     force_marks,
@@ -42,11 +40,11 @@ from wbc.app.view.marks import (
     mark_mesh,
     planned_step,
     real_step,
-    repainted,
     ring,
     scan_mark,
     sole_force,
     stiffness_colour,
+    walk_text,
 )
 from wbc.app.view.meshes import (
     ENDLESS,
@@ -62,6 +60,7 @@ from wbc.app.view.meshes import (
     merged,
     normals,
 )
+from wbc.app.view.scene import Scene
 from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
 from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force
 from wbc.core.robot import GRAVITY
@@ -111,21 +110,24 @@ def test_a_picture_has_the_texts_and_marks_of_its_instant() -> None:
     now = Instant(2.0, np.array([1.0, 2.0, 3.0]), 0.0, forces=[Force("push", np.ones(3), np.ones(3))])
     now.planned = {"ZMP": np.array([0.5, 0.0, 0.1]), "DCM": np.array([np.nan, 0.0, 0.0])}
     now.marks, now.text = [own], ["more"]
-    now.program, now.walking = "demo/wait", Walking("single support", "left", 3)
     now.soles, now.stiffness = [[4, 5], [7]], [STIFFEST, math.nan]
     picture = draw(SCALE, now)
     assert picture.time == 2.0 and picture.target is now.com
     assert {*picture.points} == {"ZMP planned"} and picture.points["ZMP planned"] is now.planned["ZMP"]
     assert set(by_name(picture.marks)) == {"com", "com shadow", "push force 0", "ZMP planned", "own"}
-    assert picture.text[:3] == ["demo/wait", "single support, left foot swings, 3 steps done", "more"]
+    assert picture.text == ["more", f"soles {STIFFEST:.1f} and nan Nm/rad"]
     assert picture.colours == {4: STIFF_COLOUR, 5: STIFF_COLOUR}
-    now.walking, now.stiffness = Walking("double support", "left", 0), [math.nan, math.nan]
+    now.stiffness = [math.nan, math.nan]
     now.target = np.array([9.0, 9.0, 9.0])
     picture = draw(SCALE, now)
     assert picture.target is now.target and not picture.colours
-    assert picture.text == ["demo/wait", "double support, 0 steps done", "more"]
-    now.walking = Walking("single support", None, 1)
-    assert draw(SCALE, now).text[1] == "single support, 1 steps done"
+    assert picture.text == ["more"]
+
+
+def test_of_a_walk_the_phase_is_told_the_foot_that_swings_and_the_steps_done() -> None:
+    assert walk_text("single support", "left", 3) == "single support, left foot swings, 3 steps done"
+    assert walk_text("double support", "left", 0) == "double support, 0 steps done"
+    assert walk_text("single support", None, 1) == "single support, 1 steps done"
 
 
 def test_the_force_of_a_sole_acts_at_its_centre_of_pressure_in_the_world() -> None:
@@ -203,14 +205,49 @@ def test_a_legend_has_each_meaning_once_and_that_of_coloured_soles() -> None:
     assert css((0.0, 0.5, 1.0, 0.3)) == "rgb(0, 128, 255)"
 
 
-def test_a_mesh_is_painted_when_its_body_has_another_colour_and_again_when_it_has_none() -> None:
-    own, other = (0.1, 0.2, 0.3, 1.0), (0.9, 0.2, 0.3, 1.0)
-    meshes = [BodyMesh(body, own, Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32))) for body in (1, 2, 1)]
-    shown = dict.fromkeys(range(3), own)
-    assert list(repainted(shown, meshes, {1: other})) == [(0, other), (2, other)]
-    assert not list(repainted(shown, meshes, {1: other, 2: own}))
-    assert list(repainted(shown, meshes, {})) == [(0, own), (2, own)]
-    assert list(repainted({}, meshes, {2: other})) == [(0, own), (1, other), (2, own)], "nothing was shown"
+class Told(Scene):
+    """A scene that keeps what it is told."""
+
+    def __init__(self, *bodies: int) -> None:
+        """Have an empty mesh for each of some bodies, which stand still."""
+        super().__init__(SimpleNamespace(model=mujoco.MjModel.from_xml_string("<mujoco/>")))  # type: ignore[arg-type]
+        self.meshes = [
+            BodyMesh(body, OWN, Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32))) for body in bodies
+        ]
+        self.told: list[Any] = []
+
+    def draw(self, picture: Picture) -> None:
+        """See `Scene`; only this picture is kept."""
+        self.told = []
+        super().draw(picture)
+
+    def _move(self, body: int) -> None:
+        raise AssertionError
+
+    def _paint(self, number: int, colour: Any) -> None:
+        self.told.append((number, colour))
+
+    def _show(self, mark: Mark) -> None:
+        self.told.append(("show", mark.name))
+
+    def _erase(self, mark: Mark) -> None:
+        self.told.append(("erase", mark.name))
+
+
+OWN = (0.1, 0.2, 0.3, 1.0)
+
+
+def test_a_mesh_is_painted_at_first_and_when_its_body_has_another_colour_and_again_when_it_has_none() -> None:
+    other, scene = (0.9, 0.2, 0.3, 1.0), Told(1, 2, 1)
+    for colours, painted in (
+        ({2: other}, [(0, OWN), (1, other), (2, OWN)]),
+        ({}, [(1, OWN)]),
+        ({1: other}, [(0, other), (2, other)]),
+        ({1: other, 2: OWN}, []),
+        ({}, [(0, OWN), (2, OWN)]),
+    ):
+        scene.draw(Picture(0.0, colours=colours))
+        assert scene.told == painted
 
 
 def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
@@ -228,15 +265,19 @@ def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
         assert mark.looks_like(Mark("m", "line", moved, RED)) is same
     assert not mark.looks_like(Mark("m", "line", points, DCM_COLOUR))
     assert not mark.looks_like(Mark("m", "line", points[:1], RED))
-    shown: dict[str, Mark] = {}
-    told = [
-        [(name, each and each.name) for name, each in changes(shown, marks)] for marks in ([mark], [mark], [])
-    ]
-    assert told == [[("m", "m")], [], [("m", None)]] and not shown
-    list(changes(shown, [mark]))
+    scene = Told()
+    for marks, told in (
+        ([mark], [("show", "m")]),
+        ([mark], []),
+        ([], [("erase", "m")]),
+        ([mark], [("show", "m")]),
+    ):
+        scene.draw(Picture(0.0, marks))
+        assert scene.told == told
     drawn = 0
     for step in range(1, 9):
-        drawn += len(list(changes(shown, [Mark("m", "line", points + 0.4 * step * NOTICED, RED)])))
+        scene.draw(Picture(0.0, [Mark("m", "line", points + 0.4 * step * NOTICED, RED)]))
+        drawn += len(scene.told)
     assert drawn == 2, "at 1.2 and at 2.4 of what is noticed"
 
 
@@ -505,9 +546,7 @@ def test_planned_points_and_steps_lie_where_the_estimate_is_off(monkeypatch: pyt
     marks.add(now)
     np.testing.assert_allclose(now.planned["ZMP"], [0.6, -0.05, 0.4])
     np.testing.assert_allclose(now.planned["DCM"], [0.9, 0.25, 0.4])
-    assert now.walking == Walking("double support", None, 0) and now.text == [
-        Drift(np.zeros(1), shift, 0 * shift).text(0)
-    ]
+    assert now.text == ["double support, 0 steps done", Drift(np.zeros(1), shift, 0 * shift).text(0)]
     drawn = by_name(now.marks)
     assert sum(name.startswith("planned step") for name in drawn) == MAX_STEPS
     np.testing.assert_allclose(drawn["planned step 2"].points[:4].mean(axis=0), [0.7, -0.2, 0.1 + LIFT])
@@ -574,7 +613,7 @@ def test_scans_are_kept_and_the_last_ones_are_drawn() -> None:
 def test_the_force_on_the_hands_is_that_of_the_surroundings_with_the_weight_of_the_load() -> None:
     plant = Plant(load("hrp4_class"))
     walking, robot = walk_of(plant), plant.robot
-    assert outside_force(walking)[0] is None
+    assert outside_force(walking) is None
     walking.drives.observer.outside = SimpleNamespace(wrench=np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
     force, place = outside_force(walking)
     assert force is not None and force.tolist() == [1.0, 2.0, 3.0]

@@ -21,8 +21,8 @@ from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import Mark, Picture, Scale
-from wbc.app.view.viser_page import PLOT_TIME, BalancePlot, ViserPage, paint
-from wbc.app.view.workbench import Gizmo, Workbench, program_text
+from wbc.app.view.viser_page import PLOT_TIME, BalancePlot, ViserPanel, ViserScene, paint
+from wbc.app.view.workbench import Gizmo, SettingsFolder, add_drive, program_text
 
 HRP4 = wbc.load_robot("hrp4_class")
 
@@ -90,13 +90,18 @@ class Gui:
         return self._keep
 
 
+def panel_of(gui: Any) -> Any:
+    """A panel of a page that is made, without a scene."""
+    panel = ViserPanel.__new__(ViserPanel)
+    panel._page, panel.gui = SimpleNamespace(keys=[]), gui  # type: ignore[assignment]
+    return panel
+
+
 def test_keys_and_sliders_drive_within_what_the_robot_grants() -> None:
     """Limits ahead, back, aside and in turns are rounded down to centimetres a second; a key is a quarter of them."""
-    view, orders = Workbench.__new__(Workbench), list[dict[str, Any]]()
-    view._gui, view._commands = Gui(), []
-    view.controls = SimpleNamespace(order=orders.append)  # type: ignore[assignment]
-    view._drive_folder((0.409, 0.206, 0.159, 0.807))
-    made = view._gui.made
+    panel, orders = panel_of(Gui()), list[dict[str, Any]]()
+    add_drive(panel, (0.409, 0.206, 0.159, 0.807), orders.append)
+    made = panel.gui.made
     ranges = {
         name: (made[name].min, made[name].max) for name in ("forward (m/s)", "left (m/s)", "turn (rad/s)")
     }
@@ -128,7 +133,7 @@ def test_keys_and_sliders_drive_within_what_the_robot_grants() -> None:
     made["turn (rad/s)"].fire(client=None)
     assert len(orders) == count, "moved by the program"
     made["turn (rad/s)"].fire(client=1)
-    assert orders[-1]["turn"] == 0.3 and len(view._commands) == 7
+    assert orders[-1]["turn"] == 0.3 and len(panel._page.keys) == 7
 
 
 @pytest.mark.parametrize(
@@ -148,13 +153,13 @@ def test_a_gizmo_follows_its_target_and_moves_it_as_the_task_takes_it(
         made[name] = Handle(position=None, wxyz=None, **how)
         return made[name]
 
-    page: Any = SimpleNamespace(server=SimpleNamespace(scene=SimpleNamespace(add_transform_controls=add)))
+    nodes = SimpleNamespace(add_transform_controls=add)
     frame = pin.SE3(np.eye(3), np.array([7.0, 8.0, 9.0]))
     task: Any = SimpleNamespace(
         name="a/b", target=target, frame="f", robot=SimpleNamespace(placement=lambda frame_: frame)
     )
     orders: list[dict[str, Any]] = []
-    gizmo = Gizmo(page, task, 0.3, orders.append)
+    gizmo = Gizmo(nodes, task, 0.3, orders.append)
     (handle,) = made.values()
     assert (handle.disable_axes, handle.disable_sliders, handle.disable_rotations) == (
         not moves,
@@ -191,9 +196,7 @@ def test_a_gizmo_follows_its_target_and_moves_it_as_the_task_takes_it(
 def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
     plant = wbc.Plant(HRP4)
     controller = wbc.balance_controller(HRP4.robot(), plant.control_period)
-    view, orders = Workbench.__new__(Workbench), list[Any]()
-    gizmos: list[str] = []
-    view._gui, view._gizmos, view._shown, view._room = Gui(), [], [], None
+    orders, gizmos = list[Any](), list[str]()
     sizes: list[float] = []
 
     def add(name: str, **how: Any) -> Any:
@@ -201,41 +204,40 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
         sizes.append(how["scale"])
         return Handle(**how)
 
-    scene = SimpleNamespace(add_transform_controls=add)
-    view._page = SimpleNamespace(server=SimpleNamespace(scene=scene), checkbox=lambda *_: None)  # type: ignore[assignment]
-    view.run = SimpleNamespace(stage=SimpleNamespace(scale=Scale(0.8, 400.0)))  # type: ignore[assignment]
-    view.controls = LiveControls(None, None, controller)
-    view.controls.order = orders.append  # type: ignore[method-assign]
-    view._match()
-    shown = list(view._shown)
-    assert shown == list(view.controls.settings) and "task com" in view._gui.made
+    controls = LiveControls(None, None, controller)
+    controls.order = orders.append  # type: ignore[method-assign]
+    panel = panel_of(Gui())
+    panel.scene = SimpleNamespace(stage=SimpleNamespace(scale=Scale(0.8, 400.0)))  # type: ignore[assignment]
+    folder = SettingsFolder(panel, SimpleNamespace(add_transform_controls=add), controls)
+    assert folder._shown == list(controls.settings) and "task com" in panel.gui.made
     assert any("com" in name for name in gizmos) and not any("posture" in name for name in gizmos)
     assert sizes == pytest.approx([0.2] * len(gizmos)), "a quarter of the height of the CoM"
-    number = view._gui.made["weight"]
+    number = panel.gui.made["weight"]
     number.value = 3.0
     number.fire()
     assert orders[-1]["do"] == "set" and orders[-1]["name"].endswith("/weight") and orders[-1]["value"] == 3.0
     count = len(gizmos)
-    view._match()
+    folder.match()
     assert len(gizmos) == count, "nothing has come or gone"
-    room = view._room
+    room = folder._folder
     controller.add(wbc.PositionTask("left_hand", name="hand"))
-    view._match()
+    folder.match()
     assert room.removed and len(gizmos) == 2 * count + 1
 
 
 def test_the_page_moves_the_world_under_a_robot_that_it_follows_and_makes_it_thin() -> None:
-    page = ViserPage.__new__(ViserPage)
-    page._target, page._root = np.array([1.0, -2.0, 0.9]), SimpleNamespace(position=None)
-    page._follow(True)
-    assert page._root.position == (-1.0, 2.0, 0.0)
-    page._follow(False)
-    assert page._root.position == (0.0, 0.0, 0.0) and not page._follows
-    page._meshes = [SimpleNamespace(body=body) for body in (0, 1)]  # type: ignore[misc]
-    page._drawn = ground, body = [SimpleNamespace(opacity=None) for _ in range(2)]
-    page._see_through(True)
+    scene = ViserScene.__new__(ViserScene)
+    scene._target, scene._root = np.array([1.0, -2.0, 0.9]), SimpleNamespace(position=None)
+    scene.follow(True)
+    assert scene._root.position == (-1.0, 2.0, 0.0)
+    scene.follow(False)
+    assert scene._root.position == (0.0, 0.0, 0.0) and not scene._follows
+    scene.meshes = [SimpleNamespace(body=body) for body in (0, 1)]  # type: ignore[misc]
+    ground, body = (SimpleNamespace(opacity=None) for _ in range(2))
+    scene._drawn = {0: ground, 1: body}
+    scene.see_through(True)
     assert (ground.opacity, body.opacity) == (None, 0.4)
-    page._see_through(False)
+    scene.see_through(False)
     assert body.opacity is None
     assert paint((0.0, 0.5, 1.0, 1.0)) == {"color": (0, 128, 255), "opacity": None}
     assert paint((0.0, 0.5, 1.0, 0.3))["opacity"] == 0.3
@@ -245,7 +247,7 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The camera stands at (2.6, −2, 1.7) heights and looks at 0.8 of one; the grid lies on the floor."""
-    page, server = ViserPage.__new__(ViserPage), MagicMock()
+    server, key = MagicMock(), MagicMock()
     nodes: dict[str, Any] = {}
 
     def node(name: str, *parts: Any, **how: Any) -> Any:
@@ -258,7 +260,7 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     scene = server.scene
     scene.add_frame = scene.add_grid = scene.add_mesh_simple = node
     server.atomic = nullcontext
-    page.server = server
+    page: Any = SimpleNamespace(server=server, keys=[key])
     monkeypatch.setattr(viser_page, "BalancePlot", lambda gui: MagicMock())
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="plane" size="1 1 0.1" rgba="0.25 0.5 0.75 1"/>
@@ -267,40 +269,43 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     )
     data = mujoco.MjData(model)
     stage: Any = SimpleNamespace(scale=SimpleNamespace(height=0.5), floor=-0.3, model=model, data=data)
-    page.build(stage)
+    panel = ViserPanel(page, stage)
+    key.remove.assert_called_once_with()
+    assert not page.keys, "those of the content before"
     assert server.initial_camera.position == pytest.approx((1.3, -1.0, 0.85))
     assert server.initial_camera.look_at == pytest.approx((0.0, 0.0, 0.4))
     (grid,) = [each for name, each in nodes.items() if name.endswith("/grid")]
     assert grid.parts == (40.0, 40.0) and grid.how["position"] == (0.0, 0.0, -0.3)
+    data.qpos[:] = [1.0, 2.0, 3.0, 0.6, 0.0, 0.8, 0.0]
+    mujoco.mj_kinematics(model, data)
+    ball = Mark("zmp", "ball", np.array([[0.5, 0.25, 0.0]]), (0.2, 0.4, 0.6, 0.5), 0.02, "here")
+    target, body = np.array([1.0, 2.0, 0.5]), (0.0, 1.0, 0.0, 1.0)
+    panel.draw(Picture(1.5, [], [], target))
     meshes = {name: each for name, each in nodes.items() if "/body " in name and len(each.parts) == 2}
     assert {name.partition("/body ")[2][0]: each.how["cast_shadow"] for name, each in meshes.items()} == {
         "0": False,
         "1": True,
     }
-    data.qpos[:] = [1.0, 2.0, 3.0, 0.6, 0.0, 0.8, 0.0]
-    mujoco.mj_kinematics(model, data)
-    ball = Mark("zmp", "ball", np.array([[0.5, 0.25, 0.0]]), (0.2, 0.4, 0.6, 0.5), 0.02, "here")
-    target, body = np.array([1.0, 2.0, 0.5]), (0.0, 1.0, 0.0, 1.0)
-    page.draw(Picture(1.5, [ball], ["walks"], target, {1: body}))
+    panel.draw(Picture(1.5, [ball], ["walks"], target, {1: body}))
     (frame,) = [each for name, each in nodes.items() if name.endswith("/body 1")]
     np.testing.assert_allclose(frame.position, [1.0, 2.0, 3.0])
     np.testing.assert_allclose(frame.wxyz, [0.6, 0.0, 0.8, 0.0])
     (box,) = [each for name, each in meshes.items() if "/body 1/" in name]
-    assert box.color == (0, 255, 0) and page._root.position == (-1.0, -2.0, 0.0)
+    assert box.color == (0, 255, 0) and panel.scene._root.position == (-1.0, -2.0, 0.0)
     (mark,) = [each for name, each in nodes.items() if name.endswith("/marks/zmp")]
     assert mark.how["color"] == (51, 102, 153) and mark.how["opacity"] == 0.5
-    assert page._said == viser_page.text_html("1.50 s", "walks") and page._meanings
+    assert panel._said == viser_page.text_html("1.50 s", "walks") and panel.scene.meanings
     moved = Mark("zmp", "ball", np.array([[0.7, 0.25, 0.0]]), ball.colour, 0.02)
     count = len(nodes)
-    page.draw(Picture(1.6, [moved], [], target))
+    panel.draw(Picture(1.6, [moved], [], target))
     assert len(nodes) == count and mark.vertices[:, 0].mean() == pytest.approx(0.7, abs=1e-3)
-    page.draw(Picture(1.7, [], [], target))
+    panel.draw(Picture(1.7, [], [], target))
     assert mark.removed
 
 
 def test_texts_are_brought_up_to_date_with_their_period_or_now(monkeypatch: pytest.MonkeyPatch) -> None:
     hours = Clock(monkeypatch, viser_page)
-    page, plots, said = ViserPage.__new__(ViserPage), [], ["a"]
+    page, plots, said = ViserPanel.__new__(ViserPanel), [], ["a"]
     handle = SimpleNamespace(content="")
     page._spoken, page._texts = -math.inf, [(handle, lambda: said[0])]
     page._plot = SimpleNamespace(show=lambda: plots.append(1))  # type: ignore[assignment]

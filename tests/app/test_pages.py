@@ -22,7 +22,8 @@ from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
-from wbc.app.view.meshes import BodyMesh, Mesh
+from wbc.app.view.meshcat_view import MeshcatScene
+from wbc.app.view.meshes import BodyMesh, Mesh, box
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
@@ -41,8 +42,7 @@ class Bare(View):
     def _build(self) -> None:
         pass
 
-    @property
-    def pages(self) -> int:
+    def _count(self) -> int:
         return self.open_pages
 
     def _send(self, picture: Picture) -> None:
@@ -76,6 +76,9 @@ def test_a_run_waits_for_the_clock_and_does_not_catch_up_what_is_long_gone(
         assert view._pace.due == hours.now, "another run, or one that has begun anew"
     view._pace.wait(0.2 + 0.99 * MAX_STEP, view.speed)
     assert hours.slept[-1] == pytest.approx(0.5 * 0.99 * MAX_STEP)
+    for bad in (0.0, -1.0, math.nan):
+        with pytest.raises(InputError, match="speed"):
+            view.speed = bad
     view.speed = None
     count = len(hours.slept)
     view._pace.wait(view._pace.time + 0.5, view.speed)
@@ -181,7 +184,8 @@ def test_the_first_free_port_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 class Shown(base.View):
     """A page that notes what it is asked."""
 
-    pages = 1
+    def _count(self) -> int:
+        return 1
 
     def _open(self, port: int) -> None:
         self.asked: list[Any] = [port]
@@ -205,6 +209,10 @@ def test_a_view_is_a_hook_that_opens_with_its_trial_and_ends_with_it() -> None:
     view = Shown(wait=0.5)
     view.close()
     assert not view.closed and view.controls is None and view.url == "", "it is not open"
+    assert view.pages == 0 and not view.wait_for_page(0.01)
+    for asked in (view.update, lambda: view.ended("well")):
+        with pytest.raises(base.ViewError, match="no run yet"):
+            asked()
     view.start(trial)
     assert view.asked[1:] == ["hrp4_class", 0.0] and view.frames == 1
     trial.plant.step(trial.plant.hold())
@@ -255,35 +263,30 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     stage: Any = SimulatedStage(plant, None)
     sent: list[tuple[str, str, Any]] = []
     view = MeshcatView.__new__(MeshcatView)
-
-    class Kind:
-        def __getattr__(self, name: str) -> Any:
-            return name
-
-    server = SimpleNamespace(busy=False, pages=[], send=lambda _, caption: told.append(caption))
-    view._commands, view.closed, view.frames = Kind(), False, 2
-    view.run = SimpleNamespace(stage=stage)  # type: ignore[assignment]
-    none, grey = Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32)), (0.5, 0.5, 0.5, 1.0)
-    view._meshes = [BodyMesh(body, grey, none) for body in (1, 1, 2)]
-    view._marks, view._colours, view._meanings = {}, dict.fromkeys(range(3), grey), {}
-    view._spoken, view._orders, view._server = -math.inf, [], server  # type: ignore[assignment]
     told: list[Any] = []
+    server = SimpleNamespace(busy=False, pages=[], send=lambda _, caption: told.append(caption))
+    view.closed, view.frames, view._opened, view._server = False, 2, True, server  # type: ignore[assignment]
+    view.run = SimpleNamespace(stage=stage)  # type: ignore[assignment]
+    view._build()
+    none, grey = Mesh(np.empty((0, 3)), np.empty((0, 3), np.uint32)), (0.5, 0.5, 0.5, 1.0)
+    scene = view._scene
+    scene.meshes, scene.moving = [BodyMesh(body, grey, none) for body in (1, 1, 2)], [1, 2]
 
     def captions() -> list[Any]:
         return [json.loads(text) for text in told if text is not None]
 
-    monkeypatch.setattr(view, "_order", lambda path, kind, *values: sent.append((path, kind, values)))
+    monkeypatch.setattr(scene, "_put", lambda path, kind, *values: sent.append((path, kind.__name__, values)))
     monkeypatch.setattr(
-        view, "_set_mesh", lambda path, mesh, colour, on_top=False: sent.append((path, "mesh", on_top))
+        scene, "_set_mesh", lambda path, mesh, colour, on_top=False: sent.append((path, colour, on_top))
     )
     ball = Mark("b", "ball", np.zeros((1, 3)), DCM_COLOUR, meaning="point")
     line = Mark("l", "line", np.zeros((2, 3)), DCM_COLOUR)
     picture = Picture(1.0, [ball, line], ["text"], np.array([1.0, 2.0, 9.0]), {1: DCM_COLOUR})
     view._send(picture)
-    assert [path for path, kind, _ in sent if kind == "SetProperty"] == [
-        f"{meshcat_view.ROOT}/body 1/{number}" for number in range(2)
-    ]
-    marks = {path.rpartition("/")[2]: on_top for path, kind, on_top in sent if kind == "mesh"}
+    painted = [(path, colour) for path, colour, _ in sent if "/body" in path and colour != "SetTransform"]
+    places = [(f"{meshcat_view.ROOT}/body {body}/{number}") for body, number in ((1, 0), (1, 1), (2, 2))]
+    assert painted == list(zip(places, (DCM_COLOUR, DCM_COLOUR, grey), strict=True))
+    marks = {path.rpartition("/")[2]: on_top for path, _, on_top in sent if "/mark" in path}
     assert marks == {"b": True, "l": False}
     world = next(values[0] for path, _, values in sent if path == meshcat_view.ROOT)
     assert world[:3, 3] == pytest.approx([-1.0, -2.0, -stage.floor - 0.8 * stage.scale.height])
@@ -294,7 +297,7 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     sent.clear()
     server.pages = [1]
     view._send(Picture(2.0, [ball], ["text"], colours={1: DCM_COLOUR}))
-    assert not [each for each in sent if each[1] in ("SetProperty", "mesh")], "nothing else has changed"
+    assert {kind for _, kind, _ in sent} == {"SetTransform", "Delete"}, "nothing else has changed"
     assert [path.rpartition("/")[2] for path, kind, _ in sent if kind == "Delete"] == ["l"]
     assert captions()[-1]["lines"] == ["2.00 s", "text"] and captions()[-1]["legend"][0][0] == "point"
     hours.now += 0.9 * meshcat_view.TEXT_PERIOD
@@ -314,25 +317,19 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     server.busy, view.frames = True, 3
     sent.clear()
     view._send(Picture(9.0))
-    assert not sent and view._marks, "a picture is skipped while the last one is on its way"
+    assert not sent, "a picture is skipped while the last one is on its way"
 
 
 def test_colours_and_places_are_sent_as_meshcat_takes_them() -> None:
-    from meshcat import geometry  # noqa: PLC0415
-
-    view = MeshcatView.__new__(MeshcatView)
-    view._geometry, view._commands = geometry, SimpleNamespace(SetObject="object", SetTransform="move")
-    sent: list[Any] = []
-    view._order = lambda path, kind, *values: sent.append(values[0])  # type: ignore[method-assign]
-    mesh = SimulatedStage  # noqa: F841
-    from wbc.app.view.meshes import box  # noqa: PLC0415
-
+    stage: Any = SimulatedStage(wbc.Plant(HRP4), None)
+    scene, sent = MeshcatScene(stage), list[Any]()
+    scene._put = lambda path, kind, *values: sent.append(values[0])  # type: ignore[method-assign]
     for on_top in (False, True):
-        view._set_mesh("p", box(1.0, 1.0, 1.0), (1.0, 0.5, 0.2, 0.7), on_top=on_top)
+        scene._set_mesh("p", box(1.0, 1.0, 1.0), (1.0, 0.5, 0.2, 0.7), on_top=on_top)
         material = sent[-1].material
         assert material.color == 0xFF8033 and material.opacity == 0.7
         assert ("depthTest" in material.properties) is on_top
-    view._move("p", np.array([1.0, 2.0, 3.0]))
+    scene._place("p", np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(sent[-1], [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
 
 
@@ -383,13 +380,14 @@ def test_a_replay_has_a_slider_over_its_times_and_shows_each_tick_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """To a hundredth of a second, from the first tick on; the space bar plays and pauses."""
-    page, drawn, calls = MagicMock(), [], []
+    page, panel, drawn, calls = MagicMock(), MagicMock(), [], []
     page.url = "http://here/"
     monkeypatch.setattr(player, "ViserPage", lambda port, title: calls.append((port, title)) or page)
+    made_of: list[Any] = []
+    monkeypatch.setattr(player, "ViserPanel", lambda *parts: made_of.append(parts) or panel)
     monkeypatch.setattr(player, "free_port", lambda port: (port or 7000) + 1)
-    gui, pressed = page.server.gui, []
+    gui = panel.gui
     gui.add_checkbox = lambda label, value: SimpleNamespace(value=value)
-    monkeypatch.setattr(player, "when", lambda event, call: pressed.append(call))
     replay: Any = SimpleNamespace(
         log=SimpleNamespace(time=np.array([0.504, 1.0, 2.0, 3.456])),
         title="walk",
@@ -398,7 +396,7 @@ def test_a_replay_has_a_slider_over_its_times_and_shows_each_tick_once(
     made = Player.__new__(Player)
     Player.__init__.__wrapped__(made, replay, 7100)  # type: ignore[attr-defined] - the replay is not checked
     assert calls == [(7101, "walk")] and made.url == page.url and drawn == [0]
-    page.build.assert_called_once_with(replay)
+    assert made_of == [(page, replay)]
     gui.add_slider.assert_called_once_with("time (s)", 0.5, 3.46, 0.01, 0.5)
     gui.add_dropdown.assert_called_once_with("speed", tuple(player.SPEEDS), initial_value="1")
     assert all(float(name) == speed for name, speed in player.SPEEDS.items())
@@ -406,10 +404,12 @@ def test_a_replay_has_a_slider_over_its_times_and_shows_each_tick_once(
     made.show(3)
     made.show(3)
     made.show(1)
-    assert drawn == [0, 3, 1] and page.speak.call_count == 3
+    assert drawn == [0, 3, 1] and panel.speak.call_count == 3
     assert made._playing.value
+    ((key, _, pressed),) = [call.args for call in panel.key.call_args_list]
+    assert key == "space"
     for playing in (False, True):
-        pressed[0](None)
+        pressed()
         assert made._playing.value is playing
     assert made._repr_html_().startswith('<iframe src="http://here/"')
     made.close()

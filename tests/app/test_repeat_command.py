@@ -20,7 +20,7 @@ from wbc.app.log.sources import _add_stiffness
 from wbc.app.log.writer import LogWriter
 from wbc.app.repeat import RepeatWalk
 from wbc.app.replay import film
-from wbc.app.view import meshcat_server
+from wbc.app.view import meshcat_view
 from wbc.base import drawing
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
@@ -234,8 +234,8 @@ def test_a_renderer_that_mujoco_could_not_make_is_not_asked_for_again(
 def test_meshcats_page_has_the_caption() -> None:
     sent: list[Any] = []
     page: Any = SimpleNamespace(set_header=lambda *_: None, finish=sent.append)
-    meshcat_server.Start.get(page)
+    meshcat_view.Start.get(page)
     (text,) = sent
-    whole = (Path(meshcat_server.VIEWER_ROOT) / meshcat_server.VIEWER_HTML).read_text(encoding="utf-8")
-    before, end, after = text.partition(meshcat_server.CAPTION)
+    whole = (Path(meshcat_view.VIEWER_ROOT) / meshcat_view.VIEWER_HTML).read_text(encoding="utf-8")
+    before, end, after = text.partition(meshcat_view.CAPTION)
     assert end and before + after == whole and after.startswith("</body>")

@@ -25,7 +25,7 @@ from wbc.app.cli import main
 from wbc.app.drift import Drift
 from wbc.app.replay.film import RenderError, renderer
 from wbc.app.view.marks import Mark, Picture, stiffness_colour
-from wbc.app.view.mujoco_marks import MujocoMarks
+from wbc.app.view.mujoco_view import MujocoMarks
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
@@ -244,6 +244,7 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
     camera, colour = mujoco.MjvCamera(), (1.0, 0.0, 0.0, 1.0)
     camera.distance, camera.elevation = 3.0, -60.0
     picture = replay.picture(0)
+    picture.colours = {}
     cloud, other = (
         Mark("known ground", "cloud", np.array([(x, y, 0.0)]), colour, 0.1)
         for x, y in ((0.5, 0.0), (0.0, 0.5))
@@ -256,6 +257,22 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
             drawn.update_scene(replay.data, camera)
             MujocoMarks(drawn.scene).add(picture.marks)
             np.testing.assert_allclose(drawn.render().astype(int), kept, atol=2)
+
+
+@drawing
+def test_a_colour_of_a_body_ends_with_the_picture_that_has_it(replay: Replay) -> None:
+    import mujoco  # noqa: PLC0415 - with the driver that `film` has chosen
+
+    camera, picture, own = mujoco.MjvCamera(), replay.picture(0), replay.model.geom_rgba.copy()
+    camera.distance, camera.elevation = 3.0, -20.0
+    seen = []
+    with renderer(replay.model, *SIZE) as drawn:
+        for bodies in ((), range(replay.model.nbody), ()):
+            picture.colours = dict.fromkeys(bodies, (1.0, 0.0, 0.0, 1.0))
+            seen.append(drawn.draw(replay, picture, camera).astype(int))
+    red, again = ((np.abs(each - seen[0]).max(axis=2) > 60).mean() for each in seen[1:])
+    assert red > 0.01 and again < 0.001, "shares of the picture that look otherwise"
+    np.testing.assert_array_equal(replay.model.geom_rgba, own)
 
 
 @drawing

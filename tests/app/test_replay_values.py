@@ -22,8 +22,8 @@ from wbc.app.replay import convert, film
 from wbc.app.replay.convert import RerunFile
 from wbc.app.replay.film import FOLLOW_TIME
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
-from wbc.app.view.marks import LIFT, Mark, Picture, Scale, Walking
-from wbc.app.view.mujoco_marks import MujocoMarks
+from wbc.app.view.marks import LIFT, Mark, Picture, Scale
+from wbc.app.view.mujoco_view import MujocoMarks
 from wbc.app.view.rerun_view import tint
 from wbc.base.errors import InputError
 
@@ -64,22 +64,18 @@ def test_the_last_event_is_told_for_two_seconds_with_program_phase_and_drift() -
     replay._drift = SimpleNamespace(text=lambda tick: f"off by {tick}")
 
     def told(time: float, tick: int = 1) -> Any:
-        now = SimpleNamespace(time=time, text=[], program="", walking=None)
+        now = SimpleNamespace(time=time, text=[])
         replay._tell(now, tick)
         return now
 
     for time, text in (
         (0.9, []), (1.0, ["first"]), (1.6, ["second"]), (3.49, ["second"]), (3.51, []), (4.5, ["third"]), (6.1, []),
     ):  # fmt: skip
-        assert told(time).text == text
-    first, second, third = (told(0.0, tick) for tick in range(3))
-    assert (first.program, second.program, third.program) == (None, "walks", "stands")
-    assert second.walking is None
-    assert first.walking == Walking("single support", "left", 0) and third.walking == Walking(
-        "double", "right", 3
-    )
+        assert told(time).text == ["walks", *text]
+    phases = ["single support, left foot swings, 0 steps done"], ["walks"], ["stands", "double, 3 steps done"]
+    assert tuple(told(0.0, tick).text for tick in range(3)) == phases
     replay._marks = [(0, 9, None)]
-    assert told(1.2, 2).text == ["off by 2", "first"]
+    assert told(1.2, 2).text == [*phases[2], "off by 2", "first"]
 
 
 def test_planned_points_lie_on_the_level_of_the_planned_zmp(tmp_path: Path) -> None:
@@ -404,17 +400,11 @@ def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change(
         marks = [Mark("the zmp", "ball", ball + (0.5 if tick == 2 else 0.0), (1.0, 0.0, 0.0, 1.0), 0.02)]
         return Picture(float(TIME[tick]), marks if tick < 3 else [])
 
-    log = SimpleNamespace(time=TIME)
-    replay: Any = SimpleNamespace(
-        model=model,
-        data=data,
-        picture=picture,
-        log=log,
-        ticks=lambda rate: [0, 1, 2, 3] if rate == 7.0 else [],
-    )
-    scene = Scene()
+    scene, stage = Scene(), SimpleNamespace(model=model, data=data)
     monkeypatch.setitem(sys.modules, "rerun", scene)
-    file_of(log, scene).write_scene(replay, 7.0)  # type: ignore[arg-type]
+    drawn = file_of(SimpleNamespace(time=TIME), scene).scene(stage)  # type: ignore[arg-type]
+    for tick in range(4):
+        drawn.draw(picture(tick))
     places = [value for name, value in scene.logged if name == "robot/a_box"]
     assert [at for at in scene.at if at[0] == "robot/a_box"] == [("robot/a_box", TIME[k]) for k in range(4)]
     for k, place in enumerate(places):

@@ -66,7 +66,7 @@ def test_a_run_is_the_same_with_and_without_a_workbench() -> None:
     with Workbench(plant, control, port=0, rate=1e6) as view:
         assert run(plant, control, 40, view.update) == alone
         assert view.frames > 40 and view.controls.interventions == []
-        assert any(" s</b>" in handle.content for handle, _ in view._page._texts), "the time is told"
+        assert any(" s</b>" in handle.content for handle, _ in view._panel._texts), "the time is told"
 
 
 def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
@@ -112,7 +112,7 @@ def test_texts_of_a_page_are_shown_and_nothing_in_them_is_run() -> None:
     bad = "<script>a()</script> <img src=x onerror=a()> [a](javascript:a) {a()} **a** &lt; a|b"
     plant, control = stand()
     with Workbench(plant, control, port=0) as view:
-        page = view._page
+        page = view._panel
         view.controls.message = bad
         mark = Mark("dcm", "ball", np.zeros((1, 3)), DCM_COLOUR, meaning=bad)
         page.text(lambda: program_text(SimpleNamespace(ended=False, path=bad, history=[(1.0, bad, bad)])))  # type: ignore[arg-type]
@@ -150,7 +150,7 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     assert first != plain
     plant, control = stand()
     again = LiveControls(plant, None, control.controller, repeat=view.controls.interventions)
-    assert run(plant, control, 60, again.update) == first
+    assert run(plant, control, 60, lambda: again.update(plant.time)) == first
     assert again.interventions == view.controls.interventions
 
 
@@ -327,10 +327,12 @@ def test_a_page_that_is_loaded_again_in_a_pause_leaves_the_run_paused(
     plant, control = stand()
     with Workbench(plant, control, port=0) as view:
         view.update()
-        view._paused = True
-        hours.clicks = [(20.0, lambda: setattr(view, "_paused", False))]
+        pause = view._panel.pause
+        pause.value = True
+        hours.clicks = [(20.0, lambda: setattr(pause, "value", False))]
         view.update()
         assert hours.now == pytest.approx(ends, abs=0.1)
+        assert not pause.value, "the page says so, too"
 
 
 @pytest.mark.parametrize(("back", "ends", "again"), [(3.0, 20.0, True), (math.inf, 1.0 + RELOAD_TIME, False)])
@@ -348,11 +350,11 @@ def test_a_page_that_is_loaded_again_at_the_end_can_restart_the_run_and_gives_no
         assert view.ended("completed") is again and hours.now == pytest.approx(ends, abs=0.1)
         if again:
             assert "ended" in view.controls.message
-        view.controls.update()
+        view.controls.update(plant.time)
         assert not view.controls.interventions
         view.show(plant, control)
         view.controls.order(push)
-        view.controls.update()
+        view.controls.update(plant.time)
         assert [entry["what"] for entry in view.controls.interventions] == ["push"]
 
 

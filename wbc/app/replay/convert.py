@@ -18,6 +18,8 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
 from wbc.app.view.rerun_view import RerunScene, plain
+from wbc.app.view.scene import Scene
+from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
@@ -83,7 +85,9 @@ def convert_log(
                     if signal.kind == "text":  # lists are drawn in the scene
                         file.write_texts(signal.name)
             if replay is not None:
-                file.write_scene(replay, rate)
+                scene: Scene = file.scene(replay)
+                for tick in replay.ticks(rate):
+                    scene.draw(replay.picture(tick))
         finally:
             file.close()
     return reason
@@ -131,11 +135,9 @@ class RerunFile:
         times = rerun.TimeColumn("time", duration=self._log.time[told])
         self._stream.send_columns(plain(name), [times], columns)
 
-    def write_scene(self, replay: Replay, rate: float) -> None:
-        """Write bodies and marks so many times a second, 1/s."""
-        scene = RerunScene(self._stream, replay)
-        for tick in replay.ticks(rate):
-            scene.draw(replay.picture(tick))
+    def scene(self, stage: Stage) -> RerunScene:
+        """Begin the scene of a stage."""
+        return RerunScene(stage, self._stream)
 
     def close(self) -> None:
         """Complete the file."""

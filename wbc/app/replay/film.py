@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Picture
-from wbc.app.view.mujoco_marks import MOST_MARKS, MujocoMarks, paint_bodies
+from wbc.app.view.mujoco_view import MOST_MARKS, MujocoMarks, paint_bodies
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.drawing import RenderError, opening
@@ -58,11 +58,12 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
 
     def draw(self, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
         """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
-        model = stage.model
+        model, own = stage.model, stage.model.geom_rgba.copy()
         paint_bodies(model, picture.colours)
         model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
         mujoco.mj_camlight(model, stage.data)
         self.update_scene(stage.data, camera)
+        model.geom_rgba[:] = own
         self._marks.add(picture.marks)
         pixels: Pixels = self.render()
         return pixels

@@ -15,9 +15,10 @@ import numpy as np
 
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
-from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, mark_mesh, repainted
-from wbc.app.view.meshes import Mesh, body_meshes
+from wbc.app.view.marks import Mark, Picture, mark_mesh
+from wbc.app.view.meshes import Mesh
+from wbc.app.view.scene import Scene
+from wbc.app.view.stage import Stage
 from wbc.robots.mechanism import Colour
 
 WORLD = "world"
@@ -56,64 +57,88 @@ class FoxgloveFile:
         last = None
         for time, text in zip(self._log.time, self._log.texts(name), strict=True):
             if text is not None and text != last:
-                at = self._timestamp(time)
+                at = _timestamp(self._messages, time)
                 level = self._messages.LogLevel.Info
                 said = self._messages.Log(timestamp=at, level=level, name=name, message=str(text))
                 self._said.log(said, log_time=_nanoseconds(time))
             last = text
 
-    def write_scene(self, replay: Replay, rate: float) -> None:
-        """Write bodies and marks so many times a second, 1/s."""
-        channels, messages, context = self._channels, self._messages, self._context
-        meshes = body_meshes(replay.model)
-        moving = sorted({each.body for each in meshes} - {0})
-        names = {0: WORLD} | {body: replay.model.body(body).name or str(body) for body in moving}
-        painted: dict[int, Colour] = {}  # shapes as they were written last
-        robot, marks, ground = (
-            channels.SceneUpdateChannel(topic, context=context) for topic in ("/robot", "/marks", "/map")
-        )
-        places = channels.FrameTransformsChannel("/tf", context=context)
-        clouds: list[Mark] = []
-        for tick in replay.ticks(rate):
-            picture = replay.picture(tick)
-            at, log_time = self._timestamp(picture.time), _nanoseconds(picture.time)
-            transforms = []
-            for body in moving:
-                w, x, y, z = replay.data.xquat[body].tolist()
-                place = messages.Vector3(**dict(zip("xyz", replay.data.xpos[body].tolist(), strict=True)))
-                turn = messages.Quaternion(x=x, y=y, z=z, w=w)
-                transforms.append(
-                    messages.FrameTransform(
-                        timestamp=at,
-                        parent_frame_id=WORLD,
-                        child_frame_id=names[body],
-                        translation=place,
-                        rotation=turn,
-                    )
-                )
-            places.log(messages.FrameTransforms(transforms=transforms), log_time=log_time)
-            shapes = []
-            for number, colour in repainted(painted, meshes, picture.colours):
-                frame = names[meshes[number].body]
-                shape = self._entity(f"{frame}/{number}", frame, meshes[number].mesh, colour, locked=True)
-                shapes.append(shape)
-            if shapes:
-                robot.log(messages.SceneUpdate(entities=shapes), log_time=log_time)
-            marks.log(self._scene([m for m in picture.marks if m.kind != "cloud"]), log_time=log_time)
-            found = [mark for mark in picture.marks if mark.kind == "cloud"]
-            if [*map(id, found)] != [*map(id, clouds)]:
-                clouds = found
-                ground.log(self._scene(clouds), log_time=log_time)
+    def scene(self, stage: Stage) -> FoxgloveScene:
+        """Begin the scene of a stage."""
+        return FoxgloveScene(stage, self._channels, self._messages, self._context)
 
     def close(self) -> None:
         """Complete the file."""
         self._writer.close()
 
-    def _scene(self, marks: Sequence[Mark]) -> Any:
-        """Return the update by which these marks take the place of all others of their topic."""
-        messages = self._messages
+
+class FoxgloveScene(Scene):
+    """Scene in a file of Foxglove: shapes under the transforms of their bodies, and marks.
+
+    Each picture has all of its marks, so that a viewer may begin with any of them.
+    """
+
+    def __init__(self, stage: Stage, channels: Any, messages: Any, context: Any) -> None:
+        """Begin the topics."""
+        super().__init__(stage)
+        self._messages = messages
+        self._names = {0: WORLD} | {each: stage.model.body(each).name or str(each) for each in self.moving}
+        self._robot, self._beside, self._map = (
+            channels.SceneUpdateChannel(topic, context=context) for topic in ("/robot", "/marks", "/map")
+        )
+        self._tf = channels.FrameTransformsChannel("/tf", context=context)
+        self._entities: dict[str, Any] = {}  # of the marks, by their names
+        # Of the present picture: time, places of bodies, shapes painted anew, and whether clouds have come or gone.
+        self._at, self._places, self._shapes, self._clouded = None, list[Any](), list[Any](), False
+
+    def draw(self, picture: Picture) -> None:
+        """See `Scene`."""
+        messages, when = self._messages, {"log_time": _nanoseconds(picture.time)}
+        self._at, self._places, self._shapes, self._clouded = (
+            _timestamp(messages, picture.time),
+            [],
+            [],
+            False,
+        )
+        super().draw(picture)
+        self._tf.log(messages.FrameTransforms(transforms=self._places), **when)
+        if self._shapes:
+            self._robot.log(messages.SceneUpdate(entities=self._shapes), **when)
+        self._beside.log(self._all(clouds=False), **when)
+        if self._clouded:
+            self._map.log(self._all(clouds=True), **when)
+
+    def _move(self, body: int) -> None:
+        messages, (x, y, z) = self._messages, self.stage.data.xpos[body].tolist()
+        w, *turn = self.stage.data.xquat[body].tolist()
+        self._places.append(
+            messages.FrameTransform(
+                timestamp=self._at,
+                parent_frame_id=WORLD,
+                child_frame_id=self._names[body],
+                translation=messages.Vector3(x=x, y=y, z=z),
+                rotation=messages.Quaternion(**dict(zip("xyz", turn, strict=True)), w=w),
+            )
+        )
+
+    def _paint(self, number: int, colour: Colour) -> None:
+        body, _, mesh = self.meshes[number]
+        frame = self._names[body]
+        self._shapes.append(self._entity(f"{frame}/{number}", frame, mesh, colour, locked=True))
+
+    def _show(self, mark: Mark) -> None:
+        self._entities[mark.name] = self._entity(mark.name, WORLD, mark_mesh(mark), mark.colour)
+        self._clouded |= mark.kind == "cloud"
+
+    def _erase(self, mark: Mark) -> None:
+        del self._entities[mark.name]
+        self._clouded |= mark.kind == "cloud"
+
+    def _all(self, *, clouds: bool) -> Any:
+        """Return the update by which all clouds, or all other marks, take the place of those of their topic."""
+        messages, shown = self._messages, self._marks
         gone = messages.SceneEntityDeletion(type=messages.SceneEntityDeletionType.All)
-        entities = [self._entity(mark.name, WORLD, mark_mesh(mark), mark.colour) for mark in marks]
+        entities = [each for name, each in self._entities.items() if (shown[name].kind == "cloud") is clouds]
         return messages.SceneUpdate(deletions=[gone], entities=entities)
 
     def _entity(self, name: str, frame: str, mesh: Mesh, colour: Colour, *, locked: bool = False) -> Any:
@@ -125,8 +150,9 @@ class FoxgloveFile:
         )
         return messages.SceneEntity(id=name, frame_id=frame, frame_locked=locked, triangles=[triangles])
 
-    def _timestamp(self, time: float) -> Any:
-        return self._messages.Timestamp(*divmod(_nanoseconds(time), 10**9))
+
+def _timestamp(messages: Any, time: float) -> Any:
+    return messages.Timestamp(*divmod(_nanoseconds(time), 10**9))
 
 
 def _nanoseconds(time: float) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view.base import free_port
-from wbc.app.view.viser_page import SPEEDS, ViserPage, when
+from wbc.app.view.viser_page import SPEEDS, ViserPage, ViserPanel
 from wbc.base.checked import checked
 
 RATE = 30.0
@@ -36,22 +36,21 @@ class Player:
         """
         self._replay, self._times = replay, replay.log.time
         self._page = ViserPage(free_port(port), replay.title)
-        self.url, gui = self._page.url, self._page.server.gui
-        self._page.build(replay)
+        self._panel = ViserPanel(self._page, replay)
+        self.url, gui = self._page.url, self._panel.gui
         self._tick, first, last = -1, float(self._times[0]), float(self._times[-1])
         self._time = gui.add_slider("time (s)", round(first, 2), round(last, 2), 0.01, round(first, 2))
         self._playing = gui.add_checkbox("play", True)
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
-        play = gui.add_command("play or pause", hotkey="space")
-        when(play.on_trigger, lambda _: setattr(self._playing, "value", not self._playing.value))
+        self._panel.key("space", "play or pause", self._toggle)
         self.show(0)
 
     def show(self, tick: int) -> None:
         """Show a tick of the log, unless it is shown already."""
         if tick != self._tick:
             self._tick = tick
-            self._page.draw(self._replay.picture(tick))
-            self._page.speak(now=True)
+            self._panel.draw(self._replay.picture(tick))
+            self._panel.speak(now=True)
 
     def run(self) -> None:
         """Play until the program is interrupted; pressing play at the end starts again."""
@@ -68,6 +67,9 @@ class Player:
                 self._time.value = ahead
             last = now
             self.show(min(int(np.searchsorted(self._times, self._time.value - 1e-6)), len(self._times) - 1))
+
+    def _toggle(self) -> None:
+        self._playing.value = not self._playing.value
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'

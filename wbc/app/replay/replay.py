@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-import mujoco
 import numpy as np
 
 from wbc.app.drift import Drift
@@ -19,15 +18,15 @@ from wbc.app.view.marks import (
     Instant,
     Mark,
     Picture,
-    Walking,
     draw,
     ground_mark,
     planned_step,
     real_step,
     scan_mark,
     sole_force,
+    walk_text,
 )
-from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_bodies
+from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -74,30 +73,30 @@ class Replay:
         stage: SimulatedStage | DescribedStage
         with decoding(log.path, "log that can be replayed"):
             self.plant = None if log.header.get("plant") is None else read_plant(dict(log.header))
-            if self.plant is not None:
-                stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
-                self._places, self._soles = self.plant.places, sole_bodies(self.plant)
-            else:
+            if self.plant is None:
                 stage, self._q = _robot_of_loop(log)
-                self._places, self._soles = stage.places, []
+            else:
+                stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
             self._stage, self.model, self.data = stage, stage.model, stage.data
             self.floor, self.scale = stage.floor, stage.scale
             self.title = str(log.header.get("title") or stage.title)
             self.base_places = self._q[:, :3]
-            self._drift = drift = Drift.of(log)
-            self._com = log.vector("truth/com" if "truth/com/x" in log else "com/estimated", 3)
-            self._zmp = drift(log.vector("zmp/measured", 3)) if "zmp/measured/x" in log else None
-            self._dcm = drift(log.vector("dcm/estimated", 2)) if "dcm/estimated/x" in log else None
-            self._planned = dict(_planned(log, drift))
-            self._wrenches = [log.vector(f"foot/{side}/wrench_measured", 6) for side in SIDES]
-            push = "truth/push/point/x" in log
-            self._push = (
-                [log.vector(f"truth/push/{part}", 3) for part in ("point", "force")] if push else None
-            )
-            self._stances = stances(log, "truth", drift) if _shows_walk(log) else []
-            self._marks = list(_walk_marks(log, drift, self._stances))
-            names = ("program/state", "walk/phase", "step/side")
-            self._texts = {name: log.texts(name) for name in names if name in log}
+            self._read(log)
+
+    def _read(self, log: Log) -> None:
+        """Read what is drawn beside the bodies."""
+        self._drift = drift = Drift.of(log)
+        self._com = log.vector("truth/com" if "truth/com/x" in log else "com/estimated", 3)
+        self._zmp = drift(log.vector("zmp/measured", 3)) if "zmp/measured/x" in log else None
+        self._dcm = drift(log.vector("dcm/estimated", 2)) if "dcm/estimated/x" in log else None
+        self._planned = dict(_planned(log, drift))
+        self._wrenches = [log.vector(f"foot/{side}/wrench_measured", 6) for side in SIDES]
+        push = [f"truth/push/{part}" for part in ("point", "force")]
+        self._push = [log.vector(name, 3) for name in push] if f"{push[0]}/x" in log else None
+        self._stances = stances(log, "truth", drift) if _shows_walk(log) else []
+        self._marks = list(_walk_marks(log, drift, self._stances))
+        names = ("program/state", "walk/phase", "step/side")
+        self._texts = {name: log.texts(name) for name in names if name in log}
 
     def __len__(self) -> int:
         return len(self.log)
@@ -129,13 +128,10 @@ class Replay:
         """
         if tick >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
-        if isinstance(self._stage, DescribedStage):
-            self._stage.show(self._q[tick])
-        else:
-            self.data.qpos[:] = self._q[tick]
-            mujoco.mj_kinematics(self.model, self.data)
+        stage = self._stage
+        stage.show(self._q[tick])
         forces = []
-        for pose, wrenches in zip(sole_poses(self._places, self.data), self._wrenches, strict=True):
+        for pose, wrenches in zip(sole_poses(stage.places, self.data), self._wrenches, strict=True):
             forces += sole_force(pose[:3, 3], pose[:3, :3], wrenches[tick])
         if self._push is not None and self._push[1][tick].any() and np.isfinite(self._push[0][tick]).all():
             forces.append(Force("push", self._push[0][tick], self._push[1][tick]))
@@ -147,8 +143,8 @@ class Replay:
         now.planned = {name: points[tick] for name, points in self._planned.items()}
         now.marks = [mark for start, end, mark in self._marks if start <= tick < end]
         now.target = self.base_places[tick]
-        if any(self._soles):
-            now.soles = self._soles
+        if any(stage.soles):
+            now.soles = stage.soles
             now.stiffness = [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
         self._tell(now, tick)
         return draw(self.scale, now)
@@ -157,9 +153,10 @@ class Replay:
         """Add to an instant what is said of its tick: program, phase, drift and last event."""
         told = {name: texts[tick] for name, texts in self._texts.items()}
         state, phase, side = map(told.get, ("program/state", "walk/phase", "step/side"))
-        now.program = None if state is None else str(state)
+        if state is not None:
+            now.text.append(str(state))
         if phase is not None:
-            now.walking = Walking(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick])))
+            now.text.append(walk_text(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick]))))
         if self._marks and "truth/com/x" in self.log:
             now.text.append(self._drift.text(tick))
         now.text += [text for time, text in self.log.events if now.time - EVENT_TIME <= time <= now.time][-1:]

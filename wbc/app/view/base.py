@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
-from wbc.app.view.shown import ShownRun
+from wbc.app.view.stage import ShownRun
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
 from wbc.base.numbers import Array
@@ -74,7 +74,6 @@ class View(TrialHook, ABC):
         frames: Number of pictures so far.
         url: Address of the page; empty for a window.
         closed: True after `close`.
-        speed: Multiple of real time that the run is held back to; None never waits.
         stays: True for a hook that does not close at the end of its trial, so that it can show another one.
         controls: Controls of the run, with the changes made so far; None for a view without controls.
     """
@@ -179,10 +178,9 @@ class View(TrialHook, ABC):
     def _build(self) -> None:
         """Make everything that the page shows of the present stage."""
 
-    @property
     @abstractmethod
-    def pages(self) -> int:
-        """Number of open pages or windows; 0 after `close`."""
+    def _count(self) -> int:
+        """Return the number of open pages or windows."""
 
     @abstractmethod
     def _send(self, picture: Picture) -> None:
@@ -197,6 +195,21 @@ class View(TrialHook, ABC):
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
+    @property
+    def speed(self) -> float | None:
+        """Multiple of real time that the run is held back to; None never waits. It may be set at any time."""
+        return self._speed
+
+    @speed.setter
+    @checked
+    def speed(self, speed: Positive | None) -> None:
+        self._speed = speed
+
+    @property
+    def pages(self) -> int:
+        """Number of open pages or windows; 0 before the view shows a run, and after `close`."""
+        return self._count() if self._opened and not self.closed else 0
+
     def update(self, state: Robot | Array | None = None, *, measurement: Measurement | None = None) -> None:
         """Show the present state, unless the last picture is too recent; wait for the pace.
 
@@ -205,10 +218,9 @@ class View(TrialHook, ABC):
             measurement: Only of a described robot: time and contact wrenches of the soles.
 
         Raises:
-            ViewError: The view has been closed.
+            ViewError: The view has been closed, or shows no run yet.
         """
-        if self.closed:
-            raise ViewError(CLOSED)
+        self._check()
         now = self.run.stage.take(state, measurement)
         self._take_orders(now)
         self._pace.wait(now, self.speed)
@@ -225,6 +237,7 @@ class View(TrialHook, ABC):
 
     def ended(self, how: str) -> bool:
         """Say on the page, from the next picture on, how the run has ended; True if the page asks for a restart."""
+        self._check()
         self.run.ending = how
         return False
 
@@ -242,8 +255,16 @@ class View(TrialHook, ABC):
         """Show the last state and end the view; the page keeps its picture."""
         if self._opened and not self.closed:
             self.closed = True
-            self._show()
-            self._end()
+            try:
+                self._show()
+            finally:
+                self._end()
+
+    def _check(self) -> None:
+        if self.closed:
+            raise ViewError(CLOSED)
+        if not self._opened:
+            raise ViewError("the view shows no run yet: give it a plant, or use it as a hook of a trial")
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'

@@ -107,6 +107,7 @@ class LiveControls:
     Attributes:
         interventions: Changes of the run, each with its simulated time (s); empty if nobody changed it.
         message: Outcome of the last order, for the page.
+        time: Simulated time of the last update, s.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class LiveControls:
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
-        self._reported, self._time = 0, 0.0
+        self._reported, self.time = 0, 0.0
         self._ended = False
         self._docs = attribute_docs(StabilizerGains)
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
@@ -174,9 +175,9 @@ class LiveControls:
         self._ended = True
         self._orders.clear()
 
-    def update(self, time: float | None = None) -> None:
-        """Carry out the orders that are due at a time (s), that of the plant when None."""
-        self._time = time = self._now if time is None else time
+    def update(self, time: float) -> None:
+        """Carry out the orders that are due at a simulated time, s."""
+        self.time = time
         while self._repeat and self._repeat[0]["time"] <= time:
             entry = dict(self._repeat.popleft())
             self.apply({"do": entry.pop("what"), **entry})
@@ -205,17 +206,12 @@ class LiveControls:
             if not isinstance(error, WbcError):
                 _log.warning("a request of the page failed", exc_info=True)
             return
-        entry = {"time": self._now, "what": request["do"], **facts}
+        entry = {"time": self.time, "what": request["do"], **facts}
         last = self.interventions[-1] if self.interventions else None
         if last is not None and last["what"] == "drive" == entry["what"] and last["time"] == entry["time"]:
             self.interventions.pop()  # only the last of several commands to one tick counts
         self.interventions.append(entry)
         self.message = intervention_text(entry)
-
-    @property
-    def _now(self) -> float:
-        """Simulated time, s."""
-        return self._time if self._plant is None else self._plant.time
 
     def _set(self, request: dict[str, Any]) -> dict[str, Any]:
         settings, name = self.settings, str(request.get("name"))

@@ -8,14 +8,14 @@ Rerun draw the triangles of a mark.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.meshes import BodyMesh, Mesh, ball, lathe
+from wbc.app.view.meshes import Mesh, ball, lathe
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
@@ -105,6 +105,11 @@ class Picture:
     colours: dict[int, Colour] = field(default_factory=dict)
     points: dict[str, Array] = field(default_factory=dict)
 
+    @property
+    def lines(self) -> list[str]:
+        """Time and text."""
+        return [f"{self.time:.2f} s", *self.text]
+
 
 class Force(NamedTuple):
     """A force: one of `FORCES`, point of attack (world, m) and force (world, N), both of shape (3,)."""
@@ -119,18 +124,6 @@ class Scale(NamedTuple):
 
     height: float
     weight: float
-
-
-class Walking(NamedTuple):
-    """Phase of a walk, the foot that swings or swings next, and the number of steps done."""
-
-    phase: str
-    swing: str | None
-    steps_done: int
-
-    def __str__(self) -> str:
-        swings = f", {self.swing} foot swings" if self.phase == "single support" and self.swing else ""
-        return f"{self.phase}{swings}, {self.steps_done} steps done"
 
 
 @dataclass(eq=False)
@@ -150,9 +143,7 @@ class Instant:
         target: Point that the camera follows, shape (3,); the centre of mass when None.
         soles: Bodies of each sole on hinges of variable stiffness.
         stiffness: Stiffness of each of these soles, Nm/rad; NaN for none.
-        program: State of the program that runs.
-        walking: Phase of the walk; None of other runs.
-        text: Further lines of text.
+        text: Lines of text.
     """
 
     time: float
@@ -167,8 +158,6 @@ class Instant:
     target: Array | None = None
     soles: Sequence[Sequence[int]] = ()
     stiffness: Sequence[float] = ()
-    program: str | None = None
-    walking: Walking | None = None
     text: list[str] = field(default_factory=list)
 
 
@@ -183,10 +172,6 @@ def draw(scale: Scale, now: Instant) -> Picture:
     picture.points = {name: point for name, point in true.items() if point is not None}
     picture.points |= {f"{name} planned": point for name, point in planned.items()}
     picture.marks += now.marks
-    if now.program is not None:
-        picture.text.append(now.program)
-    if now.walking is not None:
-        picture.text.append(str(now.walking))
     picture.text += now.text
     for bodies, value in zip(now.soles, now.stiffness, strict=True):
         if math.isfinite(value):
@@ -293,6 +278,12 @@ def stiffness_colour(stiffness: float) -> Colour:
     return r, g, b, a
 
 
+def walk_text(phase: str, swing: str | None, steps_done: int) -> str:
+    """Return phase of a walk, the foot that swings, and the number of steps done, in words."""
+    swings = f", {swing} foot swings" if phase == "single support" and swing else ""
+    return f"{phase}{swings}, {steps_done} steps done"
+
+
 def legend(picture: Picture) -> dict[str, Colour]:
     """Return the meaning of the colours in a picture."""
     meanings = {mark.meaning: mark.colour for mark in picture.marks if mark.meaning}
@@ -304,30 +295,6 @@ def legend(picture: Picture) -> dict[str, Colour]:
 def css(colour: Colour) -> str:
     """Return an opaque colour as pages have it."""
     return "rgb({}, {}, {})".format(*(round(255 * part) for part in colour[:3]))
-
-
-def changes(shown: dict[str, Mark], marks: Sequence[Mark]) -> Iterator[tuple[str, Mark | None]]:
-    """Yield name and mark of what looks other than shown, which is brought up to date; None for a mark that is gone."""
-    for name in shown.keys() - {mark.name for mark in marks}:
-        del shown[name]
-        yield name, None
-    for mark in marks:
-        if mark.name not in shown or not mark.looks_like(shown[mark.name]):
-            shown[mark.name] = mark
-            yield mark.name, mark
-
-
-def repainted(
-    shown: dict[int, Colour], meshes: Sequence[BodyMesh], bodies: Mapping[int, Colour]
-) -> Iterator[tuple[int, Colour]]:
-    """Yield number and colour of each mesh to be painted anew: that of its body, or its own; bring `shown` up to date.
-
-    `bodies` are the colours of a picture; `shown` has those of the meshes as a page shows them, by their numbers.
-    """
-    for number, (body, own, _) in enumerate(meshes):
-        if shown.get(number) != (colour := bodies.get(body, own)):
-            shown[number] = colour
-            yield number, colour
 
 
 # ---- shapes ---------------------------------------------------------------------------------------------------------

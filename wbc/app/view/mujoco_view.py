@@ -1,26 +1,94 @@
-"""Live view in the window of MuJoCo's viewer, for who has a screen: it shows a copy of the run, and changes nothing."""
+"""Pictures by MuJoCo itself: marks as geoms of its scenes, for films too, and the live view in its viewer's window."""
 
 from __future__ import annotations
 
 import copy
+import operator
 import os
 import sys
 import threading
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
-import mujoco.viewer
+import numpy as np
 
 from wbc.app.view.base import View, ViewError
-from wbc.app.view.marks import Picture
-from wbc.app.view.mujoco_marks import MujocoMarks, paint_bodies
+from wbc.app.view.marks import Mark, Picture, mark_mesh
+from wbc.base.numbers import Array
+from wbc.robots.mechanism import Colour
 from wbc.sim.plant.model import aim
+
+MOST_MARKS = 10_000
+"""Geoms of marks in a picture."""
+
+LEVEL, ONES = np.eye(3), np.ones(3)
+"""Axes of a mark that is level; size of a triangle, whose axes are its sides."""
 
 PATIENCE = 10.0
 """Longest time that a window may take for its last frame, s."""
 
 TOP = mujoco.mjtGridPos.mjGRID_TOPLEFT
 """Place of the texts."""
+
+
+def paint_bodies(model: mujoco.MjModel, colours: Mapping[int, Colour]) -> None:
+    """Give bodies of a model their colours."""
+    for body, colour in colours.items():
+        model.geom_rgba[model.geom_bodyid == body] = colour
+
+
+class MujocoMarks:
+    """Geoms of marks in a scene of MuJoCo.
+
+    A cloud has thousands of points. Its geoms come first behind those of the model, which every picture makes anew, and
+    stay from picture to picture while the cloud is the same.
+    """
+
+    def __init__(self, scene: mujoco.MjvScene) -> None:
+        self._scene, self._geoms = scene, scene.geoms
+        self._kept: list[Mark] = []
+        self._places = (0, 0)  # first of the geoms that are kept, and the one after the last
+
+    def add(self, marks: Sequence[Mark]) -> None:
+        """Add the marks of a picture behind the geoms of the model; those beyond the room are left out."""
+        scene, clouds = self._scene, [mark for mark in marks if mark.kind == "cloud"]
+        first, same = scene.ngeom, len(clouds) == len(self._kept)
+        if same and first == self._places[0] and all(map(operator.is_, clouds, self._kept)):
+            scene.ngeom = self._places[1]
+        else:
+            for mark in clouds:
+                self._draw(mark)
+            self._kept, self._places = clouds, (first, scene.ngeom)
+        for mark in marks:
+            if mark.kind != "cloud":
+                self._draw(mark)
+
+    def _draw(self, mark: Mark) -> None:
+        kinds, size, points = mujoco.mjtGeom, np.full(3, mark.size), np.asarray(mark.points, dtype=np.float64)
+        if mark.kind == "ball":
+            self._add(kinds.mjGEOM_SPHERE, mark, size, points[0])
+        elif mark.kind == "arrow":
+            geom = self._add(kinds.mjGEOM_ARROW, mark, size, points[0])
+            if geom is not None:
+                mujoco.mjv_connector(geom, kinds.mjGEOM_ARROW, mark.size, points[0], points[1])
+                geom.size[2] *= 2.0  # it is drawn half as long as the connector says
+        else:
+            vertices, faces = mark_mesh(mark)
+            corner, one, other = np.asarray(vertices, dtype=np.float64)[faces].swapaxes(0, 1)
+            sides = np.stack([one - corner, other - corner, np.cross(one - corner, other - corner)], axis=-1)
+            for place, axes in zip(corner, sides, strict=True):
+                self._add(kinds.mjGEOM_TRIANGLE, mark, ONES, place, axes)
+
+    def _add(self, kind: mujoco.mjtGeom, mark: Mark, size: Array, place: Array, axes: Array = LEVEL) -> Any:
+        """Add a geom and return it; None where there is no room."""
+        scene = self._scene
+        if scene.ngeom >= scene.maxgeom:
+            return None
+        geom = self._geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, kind, size, place, axes.ravel(), np.array(mark.colour, dtype=np.float32))
+        scene.ngeom += 1
+        return geom
 
 
 class MujocoView(View):
@@ -37,6 +105,8 @@ class MujocoView(View):
             )
 
     def _build(self) -> None:
+        import mujoco.viewer  # noqa: PLC0415 - films are made without a screen
+
         self._end()
         self._model = copy.copy(self.run.stage.model)
         self._data = mujoco.MjData(self._model)
@@ -56,20 +126,19 @@ class MujocoView(View):
     def _send(self, picture: Picture) -> None:
         with self._window.lock():
             mujoco.mj_copyData(self._data, self._model, self.run.stage.data)
+            self._model.geom_rgba[:] = self.run.stage.model.geom_rgba
             paint_bodies(self._model, picture.colours)
             self._window.user_scn.ngeom = 0
             self._marks.add(picture.marks)
             self._window.cam.lookat[:2] = picture.target[:2]
         self._window.sync()
         if not self._telling.is_alive():  # a text waits for the next frame of the window; the run does not
-            text = (None, TOP, "\n".join([f"{picture.time:.2f} s", *picture.text]).replace("°", " deg"), "")
+            text = (None, TOP, "\n".join(picture.lines).replace("°", " deg"), "")
             self._telling = threading.Thread(target=self._window.set_texts, args=(text,), daemon=True)
             self._telling.start()
 
-    @property
-    def pages(self) -> int:
-        """1 while the window is open, 0 otherwise."""
-        return int(not self.closed and self._window.is_running())
+    def _count(self) -> int:
+        return int(self._window.is_running())
 
     def _end(self) -> None:
         if self._window is not None:

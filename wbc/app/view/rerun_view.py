@@ -9,14 +9,15 @@ import tempfile
 import time as clock
 import weakref
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import quote
 
 import numpy as np
 
 from wbc.app.view.base import LOCAL, View, ViewError, free_port
-from wbc.app.view.marks import Mark, Picture, changes, mark_mesh, repainted
-from wbc.app.view.meshes import Mesh, body_meshes, normals
+from wbc.app.view.marks import Mark, Picture, mark_mesh
+from wbc.app.view.meshes import Mesh, normals
+from wbc.app.view.scene import EYE, LOOK_AT, Scene
 from wbc.app.view.stage import Stage
 from wbc.robots.mechanism import Colour
 
@@ -27,37 +28,42 @@ OPENED, CLOSED = b"connection accepted", b"connection closed"
 """Lines of Rerun's server about connections: the first one is that of the stream."""
 
 
-class RerunScene:
-    """Bodies of a stage under transforms, and its marks, in a stream of Rerun. Names hold no spaces."""
+class RerunScene(Scene):
+    """Scene in a stream of Rerun: shapes under the transforms of their bodies, and marks. Names hold no spaces."""
 
-    def __init__(self, stream: Any, stage: Stage) -> None:
+    def __init__(self, stage: Stage, stream: Any) -> None:
         """Write the shapes."""
         import rerun  # noqa: PLC0415 - an extra
 
-        self._rerun: Any = rerun
-        self._stream, self._data = stream, stage.data
-        self._shown: dict[str, Mark] = {}
-        self._names = {0: "ground"}
-        self._meshes, self._colours = body_meshes(stage.model), dict[int, Colour]()
+        super().__init__(stage)
+        self._stream, self._rerun = stream, cast("Any", rerun)
+        bodies = {body: plain(stage.model.body(body).name or str(body)) for body in self.moving}
+        self._names = {0: "ground"} | {body: f"robot/{name}" for body, name in bodies.items()}
         stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for number, (body, _, mesh) in enumerate(self._meshes):
-            place = f"robot/{plain(stage.model.body(body).name or str(body))}"
-            stream.log(f"{self._names.setdefault(body, place)}/{number}", self._mesh(mesh), static=True)
+        for number, (body, _, mesh) in enumerate(self.meshes):
+            stream.log(f"{self._names[body]}/{number}", self._mesh(mesh), static=True)
 
     def draw(self, picture: Picture) -> None:
-        """Write places of bodies, and the colours and marks that have changed."""
+        """See `Scene`; all of it gets the time of the picture."""
         self._stream.set_time("time", duration=picture.time)
-        for body, name in self._names.items():
-            if body > 0:
-                turn, place = np.roll(self._data.xquat[body], -1), self._data.xpos[body]  # to xyzw
-                self._stream.log(name, self._rerun.Transform3D(quaternion=turn, translation=place))
-        for number, colour in repainted(self._colours, self._meshes, picture.colours):
-            painted = self._rerun.Mesh3D.from_fields(albedo_factor=tint(colour))
-            self._stream.log(f"{self._names[self._meshes[number].body]}/{number}", painted)
-        for name, mark in changes(self._shown, picture.marks):
-            gone = self._rerun.Clear(recursive=False)
-            drawn = gone if mark is None else self._mesh(mark_mesh(mark), albedo_factor=tint(mark.colour))
-            self._stream.log(f"marks/{plain(name)}", drawn)
+        super().draw(picture)
+
+    def _move(self, body: int) -> None:
+        data = self.stage.data
+        turn, place = np.roll(data.xquat[body], -1), data.xpos[body]  # to xyzw
+        self._stream.log(self._names[body], self._rerun.Transform3D(quaternion=turn, translation=place))
+
+    def _paint(self, number: int, colour: Colour) -> None:
+        painted = self._rerun.Mesh3D.from_fields(albedo_factor=tint(colour))
+        self._stream.log(f"{self._names[self.meshes[number].body]}/{number}", painted)
+
+    def _show(self, mark: Mark) -> None:
+        self._stream.log(
+            f"marks/{plain(mark.name)}", self._mesh(mark_mesh(mark), albedo_factor=tint(mark.colour))
+        )
+
+    def _erase(self, mark: Mark) -> None:
+        self._stream.log(f"marks/{plain(mark.name)}", self._rerun.Clear(recursive=False))
 
     def _mesh(self, mesh: Mesh, **how: Any) -> Any:
         vertices, faces = mesh
@@ -92,7 +98,7 @@ class RerunView(View):
             ) from missing
         data, self._stream = free_port(0), rerun.RecordingStream("wbc")
         options = {"--bind": LOCAL, "--port": data, "--web-viewer-port": port, "--server-memory-limit": "1GB"}
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the server
+        self._told = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the server
         self._server = subprocess.Popen(
             [
                 Path(rerun_cli.__file__).parent / "rerun",
@@ -101,7 +107,7 @@ class RerunView(View):
             ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=self._said,
+            stderr=self._told,
             # Rerun sends nothing about its use from a machine that runs tests.
             env=os.environ | {"CI": "true", "RUST_LOG": "error,tonic::transport::server=trace"},
         )
@@ -119,10 +125,8 @@ class RerunView(View):
     def _build(self) -> None:
         from rerun import blueprint  # noqa: PLC0415
 
-        self._scene, height = RerunScene(self._stream, self.run.stage), self.run.stage.scale.height
-        eye = blueprint.EyeControls3D(
-            position=(2.6 * height, -2.0 * height, 1.7 * height), look_target=(0.0, 0.0, 0.8 * height)
-        )
+        self._scene, height = RerunScene(self.run.stage, self._stream), self.run.stage.scale.height
+        eye = blueprint.EyeControls3D(position=height * EYE, look_target=height * LOOK_AT)
         views = (
             blueprint.Spatial3DView(contents=["robot/**", "ground/**", "marks/**"], eye_controls=eye),
             blueprint.TextDocumentView(origin="state"),
@@ -135,21 +139,17 @@ class RerunView(View):
         import rerun  # noqa: PLC0415
 
         self._scene.draw(picture)
-        self._stream.log("state", rerun.TextDocument("\n\n".join([f"{picture.time:.2f} s", *picture.text])))
+        self._stream.log("state", rerun.TextDocument("\n\n".join(picture.lines)))
 
-    @property
-    def pages(self) -> int:
-        """Number of open browser pages."""
-        if self.closed:
-            return 0
-        self._said.seek(0)
-        said = self._said.read()
-        return max(0, said.count(OPENED) - said.count(CLOSED) - 1)
+    def _count(self) -> int:
+        self._told.seek(0)
+        told = self._told.read()
+        return max(0, told.count(OPENED) - told.count(CLOSED) - 1)
 
     def _end(self) -> None:
         self._stream.disconnect()
         self._finalizer()
-        self._said.close()
+        self._told.close()
 
 
 def _end_server(server: subprocess.Popen[bytes]) -> None:

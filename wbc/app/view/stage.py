@@ -1,8 +1,9 @@
-"""Sources of pictures: a robot in a simulation, or the description of one whose states the caller gives."""
+"""Sources of pictures: a robot in a simulation, or the description of one whose states are given, and run of a view."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
 import numpy as np
@@ -12,23 +13,31 @@ from wbc.app.view.marks import Force, Instant, Picture, Scale, draw, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
+from wbc.core.drive.control import Control
 from wbc.core.frames import net_wrench
+from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import RobotDescription
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.spec import terrain
+from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natural_frequency
+from wbc.walking.control import WalkingControl
+from wbc.walking.steered import SteeredControl
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
-    from wbc.robots import RobotDescription
-    from wbc.walking.control import WalkingControl
+
+
+STATUS_LENGTH = 120
+"""Number of characters of the state of the control that are shown; a fall and a stop stand first in it."""
 
 
 class Stage(Protocol):
-    """Scene of a view or film: bodies of a model in the state of its data, and sizes for marks and camera.
+    """What a view or film shows: bodies of a model in the state of its data, and sizes for marks and camera.
 
     Attributes:
         title: Name of the robot.
@@ -46,7 +55,7 @@ class Stage(Protocol):
 
 
 class SimulatedStage:
-    """Robot in a simulation, to which nothing is written; see `Stage`."""
+    """Robot in a simulation, to which a live view writes nothing; see `Stage`."""
 
     def __init__(self, robot: MujocoRobot, walking: WalkingControl | None) -> None:
         self.robot, self._walking = robot, walking
@@ -54,9 +63,9 @@ class SimulatedStage:
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
         self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
         self._marks = None if walking is None else WalkMarks(robot, walking)
-        self._soles = sole_bodies(robot)
+        self.places, self.soles = robot.places, sole_bodies(robot)
         self._springs: list[int] = []
-        if isinstance(robot, Plant) and all(self._soles):
+        if isinstance(robot, Plant) and all(self.soles):
             self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
 
     def take(self, state: object, read: object) -> float:
@@ -64,6 +73,11 @@ class SimulatedStage:
         if state is not None:
             raise InputError("a view of a simulation reads its state itself: update() without a state")
         return self.robot.time
+
+    def show(self, q: Array) -> None:
+        """Put all bodies where they are in positions of MuJoCo, shape (nq,): those of a log."""
+        self.data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self) -> Picture:
         """Return the present picture."""
@@ -90,7 +104,7 @@ class SimulatedStage:
         if self._marks is not None:
             self._marks.add(now)
         if self._springs:
-            now.soles = self._soles
+            now.soles = self.soles
             now.stiffness = [float(self.model.jnt_stiffness[k]) for k in self._springs]
         return draw(self.scale, now)
 
@@ -103,7 +117,7 @@ class DescribedStage:
         ground = terrain("flat")
         self.model = drawing_model(description, self.robot, ground)
         self.data = mujoco.MjData(self.model)
-        self.places = RobotPlaces(self.model, self.robot)
+        self.places, self.soles = RobotPlaces(self.model, self.robot), list[list[int]]()
         self.floor = float(ground.surface.floor)
         self.scale = Scale(float(self.robot.com[2]), self.robot.mass * GRAVITY)
         self._state: Robot | Array | None = None
@@ -147,6 +161,56 @@ class DescribedStage:
             level = min(float(place.translation[2]) for place in places)
         zmp = zmp_of(total, level)
         return draw(self.scale, Instant(self._time, np.array(robot.com), level, zmp, forces=forces))
+
+
+class ShownRun:
+    """Run that a view shows; None for what it has not.
+
+    Attributes:
+        stage: Model, its state, and sizes of what is drawn.
+        program: Program whose state is shown.
+        controller: Controller whose tasks a workbench shows.
+        walking: Control that makes the commands, if it is a walk.
+        steered: The control, if it is of a robot that is steered.
+        ending: How the run has ended; empty before.
+    """
+
+    stage: SimulatedStage | DescribedStage
+
+    def __init__(
+        self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
+    ) -> None:
+        """Take the parts that are shown; see `View` for what they may be."""
+        control = program.control if control is None and program is not None else control
+        if control is not None and not isinstance(control, (Control, Controller)):
+            raise InputError(f"a view shows a control or a Controller, got {control!r}")
+        self.program, self.ending, acting = program, "", None
+        self._control: Control | None = None
+        self.controller = control if isinstance(control, Controller) else None
+        if isinstance(control, Control):
+            self._control, drives, acting = control, control.drives, control.acting
+            self.controller = None if drives is None else drives.controller
+        self.walking = acting if isinstance(acting, WalkingControl) else None
+        self.steered = control if isinstance(control, SteeredControl) else None
+        if isinstance(source, RobotDescription) and self.walking is None:
+            self.stage = DescribedStage(source)
+        elif isinstance(source, MujocoRobot):
+            self.stage = SimulatedStage(source, self.walking)
+        else:
+            raise InputError(
+                "a view shows a plant or a MujocoLoop, or the description of a robot without a walk, whose states are "
+                f"given to update(robot); got {source!r}"
+            )
+
+    def add_texts(self, picture: Picture) -> None:
+        """Add to a picture the state of program and control, and the end of the run."""
+        if self.program is not None:
+            picture.text.insert(0, self.program.path)
+        if self._control is not None:
+            status = shorten(self._control.status(), STATUS_LENGTH, placeholder=" …")
+            picture.text.append(f"control: {status}")
+        if self.ending:
+            picture.text.append(f"the run has ended: {self.ending}")
 
 
 def sole_bodies(robot: MujocoRobot) -> list[list[int]]:

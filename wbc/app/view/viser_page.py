@@ -14,19 +14,9 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
-from wbc.app.view.marks import (
-    DCM_COLOUR,
-    ZMP_COLOUR,
-    Mark,
-    Picture,
-    changes,
-    css,
-    legend,
-    mark_mesh,
-    repainted,
-)
-from wbc.app.view.meshes import body_meshes
+from wbc.app.view.marks import DCM_COLOUR, ZMP_COLOUR, Mark, Picture, css, mark_mesh
 from wbc.app.view.page_guard import PageGuard
+from wbc.app.view.scene import EYE, LOOK_AT, Scene
 from wbc.app.view.stage import Stage
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
@@ -45,11 +35,12 @@ PLOT_TIME = 10.0
 
 
 class ViserPage:
-    """Nodes of a stage in viser, a frame for each body with its meshes below, the marks, and texts in the panel.
+    """Server of a page of viser; a `ViserPanel` is its content.
 
     Attributes:
         server: Viser's server, of this machine alone.
         url: Link to the page, with a secret: who does not have it is refused, see `PageGuard`.
+        keys: Keys of its present panel, which viser does not remove with it.
     """
 
     def __init__(self, port: int, title: str) -> None:
@@ -70,6 +61,7 @@ class ViserPage:
             )
         self.server.gui.configure_theme(show_share_button=False, show_logo=False)
         self.url = f"http://{LOCAL}:{self.server.get_port()}/{guard.secret}/"
+        self.keys: list[Any] = []
 
     @property
     def open_pages(self) -> int:
@@ -81,89 +73,115 @@ class ViserPage:
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
-    def build(self, stage: Stage) -> None:
-        """Make the nodes of a stage and begin the panel anew: time and text, camera, and meaning of the colours."""
-        scene, height = self.server.scene, stage.scale.height
-        self.server.gui.reset()
-        scene.reset()
-        self._stage, self._follows, self._target = stage, True, np.zeros(3)
-        self._said, self._meanings = "", dict[str, Colour]()
-        self._texts: list[tuple[Any, Callable[[], str]]] = []
-        self._spoken = -math.inf
-        self.server.initial_camera.position = (2.6 * height, -2.0 * height, 1.7 * height)
-        self.server.initial_camera.look_at = (0.0, 0.0, 0.8 * height)
-        self._root = scene.add_frame(ROOT, show_axes=False)
-        scene.add_grid(f"{ROOT}/grid", 40.0, 40.0, position=(0.0, 0.0, stage.floor))
-        self._frames: dict[int, Any] = {}
-        self._meshes, self._drawn = body_meshes(stage.model), list[Any]()
-        for number, (body, colour, mesh) in enumerate(self._meshes):
-            if body not in self._frames:
-                self._frames[body] = scene.add_frame(f"{ROOT}/body {body}", show_axes=False)
-            name, shadow = f"{ROOT}/body {body}/{number}", body > 0
-            made = scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **paint(colour), cast_shadow=shadow)
-            self._drawn.append(made)
-        self._colours = {number: mesh.colour for number, mesh in enumerate(self._meshes)}
-        self._marks: dict[str, Mark] = {}
-        self._nodes: dict[str, Any] = {}  # of marks
-        self.text(lambda: self._said)
-        self.checkbox("camera follows", True, self._follow)
-        self.checkbox("see through the robot", False, self._see_through)
-        self._plot = BalancePlot(self.server.gui)
-        with self.server.gui.add_folder("meaning of the colours", expand_by_default=False):
-            self.text(lambda: legend_html(self._meanings))
+
+class ViserScene(Scene):
+    """Scene of a page: below one root a frame for each body, with its meshes, and the marks."""
+
+    def __init__(self, stage: Stage, nodes: Any) -> None:
+        """Begin among the nodes of a server, in the place of another scene."""
+        super().__init__(stage)
+        nodes.reset()
+        self._nodes, self._follows, self._target = nodes, True, np.zeros(3)
+        self._root = nodes.add_frame(ROOT, show_axes=False)
+        nodes.add_grid(f"{ROOT}/grid", 40.0, 40.0, position=(0.0, 0.0, stage.floor))
+        self._frames = {body: nodes.add_frame(f"{ROOT}/body {body}", show_axes=False) for body in self.moving}
+        self._drawn: dict[int, Any] = {}  # meshes by their number
+        self._beside: dict[str, Any] = {}  # marks
 
     def draw(self, picture: Picture) -> None:
-        """Show a picture."""
-        data, scene = self._stage.data, self.server.scene
-        with self.server.atomic():
-            for body, frame in self._frames.items():
-                if body > 0:
-                    frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
-            for number, colour in repainted(self._colours, self._meshes, picture.colours):
-                self._drawn[number].color = paint(colour)["color"]
-            for name, mark in changes(self._marks, picture.marks):
-                if mark is None:
-                    self._nodes.pop(name).remove()
-                    continue
-                (vertices, faces), node = mark_mesh(mark), self._nodes.get(name)
-                if node is not None and node.vertices.shape == vertices.shape:
-                    node.vertices = vertices.astype(np.float32)
-                else:
-                    self._nodes[name] = scene.add_mesh_simple(
-                        f"{ROOT}/marks/{name}",
-                        vertices,
-                        faces,
-                        **paint(mark.colour),
-                        side="double",
-                        cast_shadow=False,
-                    )
-            self._target = picture.target
-            self._follow(self._follows)
-        self._plot.add(picture)
-        self._said = text_html(f"{picture.time:.2f} s", *picture.text)
-        self._meanings |= legend(picture)
+        """See `Scene`."""
+        super().draw(picture)
+        self._target = picture.target
+        self.follow(self._follows)
 
-    def _follow(self, on: bool) -> None:
+    def follow(self, on: bool) -> None:
         """Move the world so that the robot stays where it is in the picture, or leave it where it is."""
         self._follows = on
         x, y = self._target[:2] if on else (0.0, 0.0)
         self._root.position = (-x, -y, 0.0)
 
-    def _see_through(self, on: bool) -> None:
-        for mesh, drawn in zip(self._meshes, self._drawn, strict=True):
-            if mesh.body > 0:
+    def see_through(self, on: bool) -> None:
+        """Show all bodies that move as transparent, or as they are."""
+        for number, drawn in self._drawn.items():
+            if self.meshes[number].body > 0:
                 drawn.opacity = 0.4 if on else None
 
-    # ---- the panel --------------------------------------------------------------------------------------------------
+    def _move(self, body: int) -> None:
+        frame, data = self._frames[body], self.stage.data
+        frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
+
+    def _paint(self, number: int, colour: Colour) -> None:
+        body, _, (vertices, faces) = self.meshes[number]
+        if number in self._drawn:
+            self._drawn[number].color = paint(colour)["color"]
+        else:
+            self._drawn[number] = self._nodes.add_mesh_simple(
+                f"{ROOT}/body {body}/{number}", vertices, faces, **paint(colour), cast_shadow=body > 0
+            )
+
+    def _show(self, mark: Mark) -> None:
+        (vertices, faces), node = mark_mesh(mark), self._beside.get(mark.name)
+        if node is not None and node.vertices.shape == vertices.shape:
+            node.vertices = vertices.astype(np.float32)
+        else:
+            self._beside[mark.name] = self._nodes.add_mesh_simple(
+                f"{ROOT}/marks/{mark.name}",
+                vertices,
+                faces,
+                **paint(mark.colour),
+                side="double",
+                cast_shadow=False,
+            )
+
+    def _erase(self, mark: Mark) -> None:
+        self._beside.pop(mark.name).remove()
+
+
+class ViserPanel:
+    """Content of a page: the scene of a stage, and a panel with time and text, camera, plots and legend.
+
+    Attributes:
+        scene: The scene.
+        gui: Viser's panel.
+    """
+
+    def __init__(self, page: ViserPage, stage: Stage) -> None:
+        """Begin in the place of the page's former content."""
+        self._page, self.gui, camera = page, page.server.gui, page.server.initial_camera
+        self.gui.reset()
+        while page.keys:
+            page.keys.pop().remove()
+        self.scene = ViserScene(stage, page.server.scene)
+        camera.position, camera.look_at = stage.scale.height * EYE, stage.scale.height * LOOK_AT
+        self._texts: list[tuple[Any, Callable[[], str]]] = []
+        self._said, self._spoken = "", -math.inf  # text of the last picture; clock of the last texts
+        self.text(lambda: self._said)
+        self.checkbox("camera follows", True, self.scene.follow)
+        self.checkbox("see through the robot", False, self.scene.see_through)
+        self._plot = BalancePlot(self.gui)
+        with self.gui.add_folder("meaning of the colours", expand_by_default=False):
+            self.text(lambda: legend_html(self.scene.meanings))
+
+    def draw(self, picture: Picture) -> None:
+        """Show a picture; the texts follow by `speak`."""
+        with self._page.server.atomic():
+            self.scene.draw(picture)
+        self._plot.add(picture)
+        self._said = text_html(*picture.lines)
 
     def text(self, text: Callable[[], str]) -> None:
         """Add a text that follows the run, as HTML: see `text_html`."""
-        self._texts.append((self.server.gui.add_html(""), text))
+        self._texts.append((self.gui.add_html(""), text))
 
     def checkbox(self, label: str, value: bool, call: Callable[[bool], object]) -> None:
         """Add a checkbox."""
-        box = self.server.gui.add_checkbox(label, value)
+        box = self.gui.add_checkbox(label, value)
         when(box.on_update, lambda _: call(bool(box.value)))
+
+    def key(self, key: str, label: str, call: Callable[[], object]) -> None:
+        """Add a key of the page, with a label for viser's list of commands."""
+        self._page.keys.append(self.gui.add_command(label, hotkey=key))
+        when(self._page.keys[-1].on_trigger, lambda _: call())
 
     def speak(self, *, now: bool = False) -> bool:
         """Bring the texts up to date if they are older than `TEXT_PERIOD`, or now; True if they were."""

@@ -10,7 +10,16 @@ import mujoco
 import numpy as np
 
 from wbc.app.drift import Drift, sole_corners
-from wbc.app.view.marks import Force, Instant, Mark, Walking, ground_mark, planned_step, real_step, scan_mark
+from wbc.app.view.marks import (
+    Force,
+    Instant,
+    Mark,
+    ground_mark,
+    planned_step,
+    real_step,
+    scan_mark,
+    walk_text,
+)
 from wbc.base.numbers import Array
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES
@@ -53,13 +62,13 @@ class WalkMarks:
             dcm = np.array([*pendulum.dcm[:2], pendulum.zmp[2]])
             now.planned = {"ZMP": drift(pendulum.zmp, 0), "DCM": drift(dcm, 0)}
         self._add_ground(now, drift)
-        force, start = outside_force(walking)
-        if force is not None:
+        if (outside := outside_force(walking)) is not None:
+            force, start = outside
             ends = drift(np.stack([start, start + force]), 0)
             now.forces.append(Force("outside", ends[0], ends[1] - ends[0]))
         progress = walking.progress
-        now.walking = Walking(progress.phase.value, progress.swing_side, progress.steps_done)
-        now.text.append(drift.text(0))
+        phase = walk_text(progress.phase.value, progress.swing_side, progress.steps_done)
+        now.text += [phase, drift.text(0)]
 
     def _add_footsteps(self, now: Instant, drift: Drift) -> None:
         """Add outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
@@ -101,12 +110,12 @@ class WalkMarks:
             now.marks.append(ground_mark(self._map))
 
 
-def outside_force(walking: WalkingControl) -> tuple[Array | None, Array]:
+def outside_force(walking: WalkingControl) -> tuple[Array, Array] | None:
     """Return the estimated force on the hands with the weight of the load, N, and its place, m; None without one."""
     observer, load = walking.drives.observer, walking.load
     estimated = observer.robot
     if observer.outside is None:
-        return None, np.zeros(3)
+        return None
     force = observer.outside.wrench[:3].copy()
     if load is not None:
         force[2] -= load.applied * GRAVITY

@@ -20,7 +20,7 @@ from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls, Setting
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
-from wbc.app.view.viser_page import ROOT, SPEEDS, ViserPage, text_html, when
+from wbc.app.view.viser_page import ROOT, SPEEDS, ViserPage, ViserPanel, text_html, when
 from wbc.tasks.behaviours import Program
 
 PAUSE_TICK = 0.02
@@ -45,54 +45,48 @@ class Workbench(View):
 
     def _open(self, port: int) -> None:
         self._page = ViserPage(port, self.run.stage.title)
-        self.url, self._gui = self._page.url, self._page.server.gui
-        self._commands: list[Any] = []
+        self.url = self._page.url
         self._attended_at = -math.inf  # clock when a page was open last, s
 
     def _build(self) -> None:
-        run, stage = self.run, self.run.stage
+        stage = self.run.stage
         robot = stage.robot if isinstance(stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, run.steered, run.controller)
-        for command in self._commands:
-            command.remove()
-        self._commands.clear()
-        self._paused = False
-        self._room: Any = None  # folder of settings and targets
-        self._shown: list[str] = []  # settings in it
-        self._gizmos: list[Gizmo] = []
+        self.controls = LiveControls(robot, self.run.steered, self.run.controller)
         with self._page.server.atomic():
-            self._page.build(stage)
-            self._fill(run.program)
+            self._panel = ControlPanel(self._page, self)
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
     def _take_orders(self, time: float) -> None:
+        panel, pause = self._panel, self._panel.pause
         self.controls.update(time)
         attended = self._attended
         if self.controls.interventions and not self.pages:
             self.controls.halt()  # nobody is left who could
-        if self._paused:
-            self._show()
-        while self._paused and attended:
+        if not pause.value:
+            return
+        self._show()
+        while pause.value and attended:
             attended = self._attended
             clock.sleep(PAUSE_TICK)
             self.controls.update(time)
-            self._page.speak()
-        self._paused = False
+            panel.speak()
+        pause.value = False
 
     def ended(self, how: str) -> bool:
         """Show on the page how the run has ended; return True if the user asks for a restart, False otherwise."""
         answers: deque[bool] = deque()
         self._show()
-        with (folder := self._gui.add_folder("the run has ended", order=-2.0)):
-            self._gui.add_html(text_html(how))
-            when(self._gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
-            when(self._gui.add_button("leave").on_click, lambda _: answers.append(False))
+        gui = self._panel.gui
+        with (folder := gui.add_folder("the run has ended", order=-2.0)):
+            gui.add_html(text_html(how))
+            when(gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
+            when(gui.add_button("leave").on_click, lambda _: answers.append(False))
         self.controls.end()
         try:
             while not answers and self._attended:
                 clock.sleep(PAUSE_TICK)
-                self._page.speak()
+                self._panel.speak()
         except KeyboardInterrupt:
             return False
         folder.remove()
@@ -100,10 +94,8 @@ class Workbench(View):
 
     # ---- the page ---------------------------------------------------------------------------------------------------
 
-    @property
-    def pages(self) -> int:
-        """Number of open browser pages."""
-        return 0 if self.closed else self._page.open_pages
+    def _count(self) -> int:
+        return self._page.open_pages
 
     @property
     def _attended(self) -> bool:
@@ -116,28 +108,32 @@ class Workbench(View):
         self._page.close()
 
     def _send(self, picture: Picture) -> None:
-        self._page.draw(picture)
-        for gizmo in self._gizmos:
-            gizmo.follow()
-        if self._page.speak():
-            self._match()
+        self._panel.draw(picture)
 
-    # ---- the panel --------------------------------------------------------------------------------------------------
 
-    def _fill(self, program: Program | None) -> None:
-        """Make all controls."""
-        gui, offered, order = self._gui, self.controls.offered, self.controls.order
-        self._page.text(lambda: text_html(self.controls.message))
-        self._page.checkbox("pause", False, lambda on: setattr(self, "_paused", on))
+class ControlPanel(ViserPanel):
+    """Content of the page of a workbench: beside the scene the controls of all parts of the run.
+
+    Attributes:
+        pause: Checkbox by which the user lets the run wait.
+    """
+
+    def __init__(self, page: ViserPage, view: Workbench) -> None:
+        """Begin in the place of the page's former content, with all controls that the run of a view has."""
+        run, controls = view.run, view.controls
+        super().__init__(page, run.stage)
+        gui, offered, order = self.gui, controls.offered, controls.order
+        self.text(lambda: text_html(controls.message))
+        self.pause = gui.add_checkbox("pause", False)
         speeds = {**SPEEDS, "as fast as it goes": None}
-        speed = next((name for name, value in speeds.items() if value == self.speed), "1")
+        speed = next((name for name, value in speeds.items() if value == view.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(speeds), initial_value=speed)
-        when(chosen.on_update, lambda _: setattr(self, "speed", speeds[chosen.value]))
-        if program is not None:
+        when(chosen.on_update, lambda _: setattr(view, "speed", speeds[chosen.value]))
+        if (program := run.program) is not None:
             with gui.add_folder("program"):
-                self._page.text(lambda: program_text(program))
-        if "drive" in offered and self.run.steered is not None:
-            self._drive_folder(self.run.steered.velocity_limits)
+                self.text(lambda: program_text(program))
+        if "drive" in offered and run.steered is not None:
+            add_drive(self, run.steered.velocity_limits, order)
         elif "stop" in offered:
             stop = gui.add_button("stop walking", hint="the run ends when the robot stands")
             when(stop.on_click, lambda _: order({"do": "stop"}))
@@ -149,92 +145,113 @@ class Workbench(View):
             when(
                 push.on_click, lambda _: order({"do": "push", "direction": side.value, "impulse": size.value})
             )
-        self._match()
+        self._settings = SettingsFolder(self, page.server.scene, controls)
 
-    def _match(self) -> None:
-        """Make the folders of settings and targets anew when tasks have come or gone."""
-        settings, gui = self.controls.settings, self._gui
+    def draw(self, picture: Picture) -> None:
+        """See `ViserPanel`; the texts follow if they are due."""
+        super().draw(picture)
+        self._settings.follow()
+        if self.speak():
+            self._settings.match()
+
+
+def add_drive(panel: ViserPanel, limits: Iterable[float], order: Callable[[dict[str, Any]], None]) -> None:
+    """Add sliders and keys that drive a robot up to limits: forward, back and aside, m/s, and in turns, rad/s."""
+    gui, parts = panel.gui, ("forward", "left", "turn")
+    ahead, back, aside, turn = (math.floor(100.0 * limit) / 100.0 for limit in limits)
+    low, high = (-back, -aside, -turn), (ahead, aside, turn)
+    with gui.add_folder("drive"):
+        sliders = [
+            gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
+            for name, unit, a, b in zip(parts, ("m/s", "m/s", "rad/s"), low, high, strict=True)
+        ]
+        gui.add_markdown("keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand")
+        stand = gui.add_button("stand", hint="the robot can be driven on")
+
+    def drive(_: Any = None) -> None:
+        order({"do": "drive", **{n: s.value for n, s in zip(parts, sliders, strict=True)}})
+
+    def step(index: int, sign: int) -> None:
+        value = sliders[index].value + 0.25 * sign * (high[index] if sign > 0 else -low[index])
+        sliders[index].value = round(min(max(value, low[index]), high[index]), 2)
+        drive()
+
+    def halt(_: Any = None) -> None:
+        for slider in sliders:
+            slider.value = 0.0
+        drive()
+
+    for slider in sliders:
+        when(slider.on_update, lambda event: drive() if event.client is not None else None)
+    when(stand.on_click, halt)
+    for key, (index, sign) in KEYS.items():
+        panel.key(key, f"{parts[index]} {sign:+d}", partial(step, index, sign))
+    panel.key("space", "stand", halt)
+
+
+class SettingsFolder:
+    """Folder of the settings of a run, and of the gizmos of its targets; made anew when tasks have come or gone."""
+
+    def __init__(self, panel: ViserPanel, nodes: Any, controls: LiveControls) -> None:
+        """Make it; the gizmos are among the nodes of viser's scene."""
+        self._panel, self._nodes, self._controls = panel, nodes, controls
+        self._folder: Any = None
+        self._shown: list[str] = []  # settings in it
+        self._gizmos: list[Gizmo] = []
+        self.match()
+
+    def follow(self) -> None:
+        """Move the gizmos to their targets."""
+        for gizmo in self._gizmos:
+            gizmo.follow()
+
+    def match(self) -> None:
+        """Make the folder anew if tasks have come or gone."""
+        panel, controls = self._panel, self._controls
+        settings = controls.settings
         if list(settings) == self._shown:
             return
         self._shown = list(settings)
         for gone in self._gizmos:
             gone.remove()
         self._gizmos = []
-        if self._room is not None:
-            self._room.remove()
-        self._room = gui.add_folder("settings and targets", expand_by_default=False)
-        tasks = {f"task {task.name}": task for task in getattr(self.controls.controller, "tasks", ())}
+        if self._folder is not None:
+            self._folder.remove()
+        self._folder = panel.gui.add_folder("settings and targets", expand_by_default=False)
+        tasks = {f"task {task.name}": task for task in getattr(controls.controller, "tasks", ())}
         groups = dict.fromkeys([*(name.rpartition("/")[0] for name in settings), *tasks])
-        with self._room:
+        size = 0.25 * panel.scene.stage.scale.height
+        with self._folder:
             for group in groups:
-                with gui.add_folder(group, expand_by_default=False):
+                with panel.gui.add_folder(group, expand_by_default=False):
                     for name, setting in settings.items():
                         if name.rpartition("/")[0] == group:
                             self._add_number(setting)
                     task: Any = tasks.get(group)
                     if task is not None and task.held_by is None and _has_place(task):
-                        gizmo = Gizmo(
-                            self._page, task, 0.25 * self.run.stage.scale.height, self.controls.order
-                        )
-                        self._gizmos.append(gizmo)
-                        self._page.checkbox("gizmo on the target", False, gizmo.show)
+                        self._gizmos.append(Gizmo(self._nodes, task, size, controls.order))
+                        panel.checkbox("gizmo on the target", False, self._gizmos[-1].show)
 
     def _add_number(self, setting: Setting) -> None:
         label = setting.name.rpartition("/")[2] + (f" ({setting.unit})" if setting.unit else "")
-        number = self._gui.add_number(
+        number = self._panel.gui.add_number(
             label, float(f"{setting.value:.4g}"), min=0.0, hint=setting.about or None
         )
 
         def given(_: Any) -> None:
-            self.controls.order({"do": "set", "name": setting.name, "value": float(number.value)})
+            self._controls.order({"do": "set", "name": setting.name, "value": float(number.value)})
 
         when(number.on_update, given)
-
-    def _drive_folder(self, limits: Iterable[float]) -> None:
-        gui, parts = self._gui, ("forward", "left", "turn")
-        ahead, back, aside, turn = (math.floor(100.0 * limit) / 100.0 for limit in limits)
-        low, high = (-back, -aside, -turn), (ahead, aside, turn)
-        with gui.add_folder("drive"):
-            sliders = [
-                gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
-                for name, unit, a, b in zip(parts, ("m/s", "m/s", "rad/s"), low, high, strict=True)
-            ]
-            gui.add_markdown("keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand")
-            stand = gui.add_button("stand", hint="the robot can be driven on")
-
-        def drive(_: Any = None) -> None:
-            self.controls.order({"do": "drive", **{n: s.value for n, s in zip(parts, sliders, strict=True)}})
-
-        def step(index: int, sign: int, _: Any) -> None:
-            value = sliders[index].value + 0.25 * sign * (high[index] if sign > 0 else -low[index])
-            sliders[index].value = round(min(max(value, low[index]), high[index]), 2)
-            drive()
-
-        def halt(_: Any) -> None:
-            for slider in sliders:
-                slider.value = 0.0
-            drive()
-
-        for slider in sliders:
-            when(slider.on_update, lambda event: drive() if event.client is not None else None)
-        when(stand.on_click, halt)
-        for key, (index, sign) in KEYS.items():
-            self._commands.append(gui.add_command(f"{parts[index]} {sign:+d}", hotkey=key))
-            when(self._commands[-1].on_trigger, partial(step, index, sign))
-        self._commands.append(gui.add_command("stand", hotkey="space"))
-        when(self._commands[-1].on_trigger, halt)
 
 
 class Gizmo:
     """Gizmo on the target of a task, hidden until it is asked for: it follows the target, and moves it."""
 
-    def __init__(
-        self, page: ViserPage, task: Any, size: float, order: Callable[[dict[str, Any]], None]
-    ) -> None:
-        """Make it, of a size in m."""
+    def __init__(self, nodes: Any, task: Any, size: float, order: Callable[[dict[str, Any]], None]) -> None:
+        """Make it among the nodes of viser's scene, of a size in m."""
         self._task, self._order, self._held = task, order, False
         self._turns, self._moves = np.shape(task.target) != (3,), np.shape(task.target) != (3, 3)
-        self._handle = page.server.scene.add_transform_controls(
+        self._handle = nodes.add_transform_controls(
             f"{ROOT}/gizmos/{task.name.replace('/', '_')}",
             scale=size,
             disable_axes=not self._moves,
