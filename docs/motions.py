@@ -19,7 +19,6 @@ from made_motions import make_motion
 from made_person import make_person
 
 import wbc
-from wbc.base.settings import to_json
 from wbc.motion import make_feasible, retarget
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 
@@ -27,6 +26,9 @@ CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4
 """Motion → number of clips, seeds from 0 on: 20 of robots, and one of a person."""
 
 ROBOTS = ("hrp4_class", "talos", "g1")
+
+DEGREES = 180.0 / np.pi
+"""Degrees in a radian."""
 
 COLUMNS = (
     "Robot",
@@ -72,24 +74,24 @@ def track(
                 feasible = make_feasible(model, made)
                 for mode in missing:
                     result = track_motion(feasible.clip, TrackSpec(robot=robot, seed=seed, mode=mode))  # type: ignore[arg-type]
-                    yield to_json(result) | {"clip": motion, "seed": seed, "stretched": feasible.stretched}
+                    yield result.to_json() | {"clip": motion, "seed": seed, "stretched": feasible.stretched}
 
 
 def line(robot: str, motion: str, rows: Sequence[Row]) -> str:
     """Return one line of the table; errors are those of clips tracked to their end."""
     ended = [row for row in rows if row["completed"]]
 
-    def of(combine: Any, name: str, form: str) -> str:
-        return form.format(combine([row[name] for row in ended])) if ended else ""
+    def of(combine: Any, name: str, form: str, scale: float) -> str:
+        return form.format(scale * combine([row[name] for row in ended])) if ended else ""
 
     cells = [
         f"`{robot}`",
         motion,
         f"{len(ended)}/{len(rows)}",
-        of(np.mean, "joint_rms_deg", "{:.2f}"),
-        of(max, "worst_joint_rms_deg", "{:.2f}"),
-        of(max, "foot_slide_mm", "{:.1f}"),
-        of(np.mean, "com_rms_mm", "{:.1f}"),
+        of(np.mean, "joint_rms", "{:.2f}", DEGREES),
+        of(max, "worst_joint_rms", "{:.2f}", DEGREES),
+        of(max, "foot_slide", "{:.1f}", 1e3),
+        of(np.mean, "com_rms", "{:.1f}", 1e3),
         str(max(row["failures"] for row in rows)),
         f"{max(row['stretched'] for row in rows):.2f}",
     ]

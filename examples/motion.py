@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         upright=result.completed,
         zmp_outside_before_mm=check_motion(robot, clip).zmp_worst,
         zmp_outside_mm=feasible.after.zmp_worst,
-        joints_rms_deg=result.joint_rms_deg,
+        joints_rms_deg=float(np.degrees(result.joint_rms)),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
@@ -72,15 +73,13 @@ class StandSpec(TrialSpec):
 
 @dataclass(frozen=True, kw_only=True)
 class StandResult(TrialResult):
-    """Result of a stand; all but the wall-clock timings (`real_time_factor`, `tick_us`) follows from the spec.
+    """Result of a stand; all but `clock` follows from the spec.
 
     Attributes:
         mode: "position", "torque" or "hybrid".
         upright: True if it never fell.
-        com_error_mm: Greatest horizontal distance of the true centre of mass from its target in the second half.
-        zmp_noise_mm: Standard deviation of the true zero-tilting moment point in the second half, both axes together.
-        real_time_factor: Simulated time over wall time of the whole loop.
-        tick_us: Wall time from measurement to command, median and 99th percentile, µs.
+        com_error: Greatest horizontal distance of the true centre of mass from its target in the second half, m.
+        zmp_noise: Standard deviation of the true zero-tilting moment point in the second half, both axes together, m.
         steps_taken: Steps that the robot took; 0 where its feet stay in place.
         noise: Errors of the sensors.
         foot: Foot under both ankles.
@@ -89,14 +88,19 @@ class StandResult(TrialResult):
 
     mode: Mode
     upright: bool
-    com_error_mm: float
-    zmp_noise_mm: float
-    real_time_factor: float
-    tick_us: dict[str, float]
+    com_error: Annotated[float, "m"]
+    zmp_noise: Annotated[float, "m"]
     steps_taken: int
     noise: str
     foot: str
-    control_period: float
+    control_period: Annotated[float, "s"]
+
+    RENAMED = {
+        "com_error_mm": "com_error (m)",
+        "zmp_noise_mm": "zmp_noise (m)",
+        "real_time_factor": "clock.real_time_factor",
+        "tick_us": "clock.tick_us",
+    }
 
 
 class StandTrial(Trial[WalkingControl | DriveControl, StandResult]):
@@ -105,6 +109,7 @@ class StandTrial(Trial[WalkingControl | DriveControl, StandResult]):
     @checked
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = True) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
+        self._made = time.perf_counter()
         self.spec = spec
         robot, plant, observer = spec.build(visuals=visuals)
         control: WalkingControl | DriveControl
@@ -137,10 +142,8 @@ class StandTrial(Trial[WalkingControl | DriveControl, StandResult]):
             robot=spec.robot,
             mode=spec.chosen,
             upright=not self.fallen,
-            com_error_mm=float(1e3 * error.max()),
-            zmp_noise_mm=float(1e3 * np.sqrt(np.nanvar(np.array(self.sway.zmp)[half:], axis=0).sum())),
-            real_time_factor=self.real_time_factor,
-            tick_us=self.tick_us(),
+            com_error=float(error.max()),
+            zmp_noise=float(np.sqrt(np.nanvar(np.array(self.sway.zmp)[half:], axis=0).sum())),
             seconds=self.plant.time,
             steps_taken=self.control.steps_done if isinstance(self.control, WalkingControl) else 0,
             failures=self.drives.failures,
@@ -148,6 +151,7 @@ class StandTrial(Trial[WalkingControl | DriveControl, StandResult]):
             foot=spec.foot,
             seed=spec.seed,
             control_period=spec.period,
+            clock=self.clock(),
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
@@ -64,7 +65,7 @@ class MotionSpec(TrackSpec):
 
 @dataclass(frozen=True, kw_only=True)
 class TrackResult(TrialResult):
-    """Result of a tracked clip; all but `tick_us` follows from clip and spec.
+    """Result of a tracked clip; all but `clock` follows from clip and spec.
 
     Attributes:
         motion: Name of the clip.
@@ -72,29 +73,36 @@ class TrackResult(TrialResult):
         completed: True if the clip was tracked to its end and the robot stands.
         clip_seconds: Duration of the clip, s.
         fall: Reason of the fall; None if there was none.
-        joint_rms_deg: Root mean square over time and joints of true minus given joint position, degrees.
+        joint_rms: Root mean square over time and joints of true minus given joint position, rad.
         worst_joint: Joint with the greatest root mean square.
-        worst_joint_rms_deg: Its value, degrees.
-        largest_deg: Greatest error of a joint at any time, degrees.
-        com_rms_mm: Horizontal error of the true centre of mass, mm.
-        foot_slide_mm: Greatest distance of a sole from where it was first loaded, while it bore 5 % of the weight, mm.
+        worst_joint_rms: Its value, rad.
+        joint_error_max: Greatest error of a joint at any time, rad.
+        com_rms: Root mean square of the horizontal error of the true centre of mass, m.
+        foot_slide: Greatest distance of a sole from where it was first loaded, while it bore 5 % of the weight, m.
         landings: Feet that have landed.
-        tick_us: Wall time from measurement to command, median and 99th percentile, µs.
     """
 
     motion: str
     mode: Mode
     completed: bool
-    clip_seconds: float
+    clip_seconds: Annotated[float, "s"]
     fall: str | None
-    joint_rms_deg: float
+    joint_rms: Annotated[float, "rad"]
     worst_joint: str
-    worst_joint_rms_deg: float
-    largest_deg: float
-    com_rms_mm: float
-    foot_slide_mm: float
+    worst_joint_rms: Annotated[float, "rad"]
+    joint_error_max: Annotated[float, "rad"]
+    com_rms: Annotated[float, "m"]
+    foot_slide: Annotated[float, "m"]
     landings: int
-    tick_us: dict[str, float]
+
+    RENAMED = {
+        "joint_rms_deg": "joint_rms (rad)",
+        "worst_joint_rms_deg": "worst_joint_rms (rad)",
+        "largest_deg": "joint_error_max (rad)",
+        "com_rms_mm": "com_rms (m)",
+        "foot_slide_mm": "foot_slide (m)",
+        "tick_us": "clock.tick_us",
+    }
 
 
 class TrackTrial(Trial[WalkingControl, TrackResult]):
@@ -103,6 +111,7 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
     @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = True) -> None:
         """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins."""
+        self._made = time.perf_counter()
         self.spec = spec = spec or TrackSpec()
         robot, plant, observer = spec.build(visuals=visuals)
         q = clip.configurations(robot)[0]
@@ -138,7 +147,7 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
     def result(self) -> TrackResult:
         """Return how well the clip was tracked."""
         control, spec, errors = self.control, self.spec, self._errors
-        joints = np.degrees(np.array(errors.joints))
+        joints = np.array(errors.joints)
         each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
         return TrackResult(
@@ -150,15 +159,15 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
             seconds=self.plant.time,
             clip_seconds=self.source.clip.duration,
             fall=None if self.fall is None else self.fall.value,
-            joint_rms_deg=float(np.sqrt((joints**2).mean())),
+            joint_rms=float(np.sqrt((joints**2).mean())),
             worst_joint=self.plant.robot.joint_names[worst],
-            worst_joint_rms_deg=float(each[worst]),
-            largest_deg=float(abs(joints).max()),
-            com_rms_mm=1e3 * float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
-            foot_slide_mm=1e3 * errors.slide,
+            worst_joint_rms=float(each[worst]),
+            joint_error_max=float(abs(joints).max()),
+            com_rms=float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
+            foot_slide=errors.slide,
             landings=self.source.landings,
             failures=self.drives.failures,
-            tick_us=self.tick_us(),
+            clock=self.clock(),
         )
 
 

@@ -43,9 +43,9 @@ register_trial(
 )
 register_trial(
     StandSpec.kind,
-    TrialKind(StandSpec.from_json, stand_outcome, units(StandSpec) | units(StandResult), "com_error_mm"),
+    TrialKind(StandSpec.from_json, stand_outcome, units(StandSpec) | units(StandResult), "com_error"),
 )
 register_trial(
     MotionSpec.kind,
-    TrialKind(MotionSpec.from_json, track_outcome, units(MotionSpec) | units(TrackResult), "joint_rms_deg"),
+    TrialKind(MotionSpec.from_json, track_outcome, units(MotionSpec) | units(TrackResult), "joint_rms"),
 )

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator
 
@@ -42,9 +42,6 @@ STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
 
 DELAYS = ("measurement_delay", "command_delay")
 """Delays of a machine that its observer knows."""
-
-TIMINGS = ("clock", "real_time_factor", "tick_us")
-"""Parts of results that are wall-clock timings."""
 
 RobotName = Annotated[str, BeforeValidator(name_of)]
 """Name of a robot; a description is taken by the name under which this process finds it."""
@@ -174,30 +171,64 @@ class TrialSpec:
         return replace(observer, **delays)
 
 
+@dataclass(frozen=True, slots=True)
+class WallClock:
+    """Wall-clock timings of a trial; they differ from run to run.
+
+    Attributes:
+        decision_us: From a complete scan to the stiffness command, median and maximum; None without a decision.
+    """
+
+    wall_s: float  # the whole trial: building the model, running, summing up
+    real_time_factor: float  # simulated time over wall time of the closed loop
+    tick_us: dict[str, float]  # from measurement to command, median and 99th percentile
+    physics_share: float  # share of the loop's time in the simulator
+    decision_us: dict[str, float] | None = None
+
+    def __str__(self) -> str:
+        tick = self.tick_us
+        return (
+            f"{self.real_time_factor:.2f} x real time; a tick takes {tick['median']:.0f} us, "
+            f"99 % less than {tick['p99']:.0f} us"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """Result of a trial; what follows from the spec alone is the same bit for bit in every run.
+    """Result of a trial; all but `clock` follows from the spec, and is the same bit for bit in every run.
 
     Attributes:
         robot: Name of the robot.
         seed: Seed.
         seconds: Simulated time, s.
         failures: Ticks without a solution or with an unusable measurement.
+        clock: Wall-clock timings; None in a record that was read back without them.
     """
 
     robot: str
     seed: int
     seconds: Annotated[float, "s"]
     failures: int
+    clock: WallClock | None = None
+
+    RENAMED: ClassVar[Mapping[str, str]] = {}
+    """Former names of attributes, and what stands in their place."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            said = f", which is now '{self.RENAMED[name]}'" if name in self.RENAMED else ""
+            raise AttributeError(
+                f"{type(self).__name__} has no attribute '{name}'{said}", name=name, obj=self
+            )
 
     def record(self) -> dict[str, Any]:
         """Return all that follows from the spec, as plain values."""
-        return {name: value for name, value in to_json(self).items() if name not in TIMINGS}
+        return {name: value for name, value in to_json(self).items() if name != "clock"}
 
     def timings(self) -> dict[str, Any]:
         """Return the wall-clock timings, as plain values; empty without any."""
-        found = {name: value for name, value in to_json(self).items() if name in TIMINGS}
-        return (found.pop("clock", None) or {}) | found
+        return {} if self.clock is None else to_json(self.clock)
 
     def to_json(self) -> dict[str, Any]:
         """Return record and timings, as plain values."""

@@ -35,6 +35,7 @@ from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Measurement
 from wbc.sim.simulation.simulation import DivergedError, Simulation
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.spec import WallClock
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.plans.footsteps import FootstepPlan
 
@@ -118,6 +119,7 @@ class Trial(Generic[ControlT, ResultT]):
     """
 
     _started = False
+    _made = math.nan  # clock before the model was built, s; set by trials that build one
 
     @checked
     def __init__(
@@ -346,6 +348,16 @@ class Trial(Generic[ControlT, ResultT]):
     def _check_new(self) -> None:
         if self._started:
             raise InputError("a trial runs once, and this one has been run: make another one")
+
+    def clock(self, decision_us: dict[str, float] | None = None) -> WallClock:
+        """Return the wall-clock timings so far."""
+        return WallClock(
+            wall_s=time.perf_counter() - self._made,
+            real_time_factor=self.real_time_factor,
+            tick_us=self.tick_us(),
+            physics_share=self.physics_time / self.loop_time if self.loop_time > 0.0 else math.nan,
+            decision_us=decision_us,
+        )
 
     @property
     def real_time_factor(self) -> float:

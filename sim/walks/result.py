@@ -83,21 +83,6 @@ class Fall:
     sole_pitch: Annotated[float, "rad"]
 
 
-@dataclass(frozen=True, slots=True)
-class WallClock:
-    """Wall-clock timings; they differ from run to run.
-
-    Attributes:
-        decision_us: From a complete scan to the stiffness command, median and maximum; None without a decision.
-    """
-
-    wall_s: float  # the whole run: building the model, walking, summing up
-    real_time_factor: float  # simulated time over wall time of the closed loop
-    tick_us: dict[str, float]  # from measurement to command, median and 99th percentile
-    physics_share: float  # share of the loop's time in the simulator
-    decision_us: dict[str, float] | None = None
-
-
 @dataclass(frozen=True, kw_only=True)
 class WalkResult(TrialResult):
     """Result of one walk. SI units throughout; all but `clock` follows from the spec, bit for bit.
@@ -156,7 +141,6 @@ class WalkResult(TrialResult):
             its features and its time before the landing, error of the scanned profile (`StepStiffness`,
             `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
         notes: Changes that made the plan walkable, and pushes that did not begin before the end.
-        clock: Wall-clock timings; None in a record that was read back without them.
     """
 
     foot: str
@@ -196,7 +180,6 @@ class WalkResult(TrialResult):
     contact_area: Annotated[Spread, "m²"]
     stiffness: tuple[dict[str, Any], ...] | None
     notes: tuple[str, ...]
-    clock: WallClock | None = None
 
     def __repr__(self) -> str:
         steps = f"{self.steps_done} of {self.steps_planned} steps"

@@ -36,7 +36,7 @@ from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved_configuration
 from wbc.sim.walks.presets import over, plan_over
-from wbc.sim.walks.result import WalkResult, WallClock, objective
+from wbc.sim.walks.result import WalkResult, objective
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
@@ -115,7 +115,7 @@ class WalkTrial(Trial[Any, WalkResult]):
             policy: Stiffness policy of variable soles in place of the spec's.
             visuals: Keep the shapes by which views and films draw the robot; they do not change the walk.
         """
-        self._begin = time.perf_counter()
+        self._made = time.perf_counter()
         self.spec = spec
         own = getattr(policy, "__name__", type(policy).__name__)
         self._policy = spec.scheduling[0] if policy is None else own
@@ -187,13 +187,7 @@ class WalkTrial(Trial[Any, WalkResult]):
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=self.drives.failures,
             notes=self._notes(outcome),
-            clock=WallClock(
-                wall_s=time.perf_counter() - self._begin,
-                real_time_factor=self.real_time_factor,
-                tick_us=self.tick_us(),
-                physics_share=self.physics_time / self.loop_time if self.loop_time > 0.0 else math.nan,
-                decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
-            ),
+            clock=self.clock(None if self.sole_meter is None else self.sole_meter.decision_us()),
         )
 
     def _outcome(self) -> str:

@@ -25,7 +25,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     "robots": ([], {"robots"}),
     "stand": (
         ["--seconds", "0.1"],
-        {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
+        {"robot", "mode", "upright", "com_error", "zmp_noise", "real_time_factor", "tick_us"},
     ),
     "bench tick": (
         ["--ticks", "50", "--warm-up", "5"],

@@ -26,7 +26,8 @@ from wbc.app.walk_report import walk_text
 from wbc.base.errors import InputError, WbcError
 from wbc.feet import foot as foot_by_name
 from wbc.sim import WalkPlan, WalkSpec
-from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult, WallClock
+from wbc.sim.trial.spec import WallClock
+from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult
 from wbc.walking import Gait
 
 Said = pytest.CaptureFixture[str]
@@ -291,10 +292,9 @@ def stand_result(**values: Any) -> Any:
         "failures": 0,
         "mode": "position",
         "upright": True,
-        "com_error_mm": 1.23,
-        "zmp_noise_mm": 0.45,
-        "real_time_factor": 2.5,
-        "tick_us": {"median": 100.0, "p99": 200.0},
+        "com_error": 0.00123,
+        "zmp_noise": 0.00045,
+        "clock": WallClock(1.0, 2.5, {"median": 100.0, "p99": 200.0}, 0.5),
         "steps_taken": 4,
         "noise": "none",
         "foot": "flat",

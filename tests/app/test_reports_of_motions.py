@@ -17,6 +17,7 @@ from wbc.app.commands import motion as motion_command
 from wbc.app.output import Report
 from wbc.base.errors import InputError
 from wbc.motion.measures import MotionMeasures
+from wbc.sim.trial.spec import WallClock
 
 Said = pytest.CaptureFixture[str]
 
@@ -122,8 +123,14 @@ def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stand
                 "clip_seconds": 1.0,
                 "fall": None,
             }
-            told |= {"joint_rms_deg": 1.0, "worst_joint": "a", "worst_joint_rms_deg": 2.0, "largest_deg": 3.0}
-            told |= {"com_rms_mm": 4.0, "foot_slide_mm": 5.0, "landings": 2, "tick_us": ticks}
+            told |= {"joint_rms": math.radians(1.0), "worst_joint": "a", "worst_joint_rms": math.radians(2.0)}
+            told |= {
+                "joint_error_max": math.radians(3.0),
+                "com_rms": 0.004,
+                "foot_slide": 0.005,
+                "landings": 2,
+            }
+            told |= {"clock": WallClock(1.0, 2.0, ticks, 0.5)}
             return TrackResult(robot="g1", seed=0, seconds=1.0, failures=0, **told)  # type: ignore[arg-type]
 
     monkeypatch.setattr(motion_command, "TrackTrial", Tracked)

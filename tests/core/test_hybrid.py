@@ -291,7 +291,7 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
 def test_a_robot_stands_in_hybrid_control_with_noisy_sensors(robot: str) -> None:
     result = StandTrial(StandSpec(robot=robot, mode="hybrid", seconds=1.0, noise="realistic")).run()
     assert result.upright and result.failures == 0
-    assert result.com_error_mm < 15.0
+    assert result.com_error < 0.015
 
 
 @pytest.mark.slow

@@ -292,7 +292,7 @@ def test_a_stand_in_a_model_of_ones_own_is_that_in_the_plant(file: str) -> None:
     assert StandSpec.from_json(theirs.to_json()) == theirs != spec
     here, there = stand(spec), stand(theirs)
     assert there.upright and there.failures == 0
-    assert there.com_error_mm == pytest.approx(here.com_error_mm, abs=0.1)
+    assert there.com_error == pytest.approx(here.com_error, abs=1e-4)
 
 
 def test_a_loop_is_named_by_its_file_with_what_is_in_it(file: str) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
+import pickle
 import re
 from array import array
 from dataclasses import asdict, replace
@@ -44,9 +46,9 @@ from wbc.sim.studies.outcomes import run_trial, trial_from_json
 from wbc.sim.studies.push_limit import PushLimitSpec, largest_recovered, limit_outcome
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.spec import WallClock
 from wbc.sim.trial.trial import Trial
 from wbc.sim.walks.plan import WalkPlan
-from wbc.sim.walks.result import WallClock
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks.balance import balance_controller
@@ -72,12 +74,12 @@ def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, 
     result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=0.4 if foot == "flat" else 1.2))
     assert result.upright and result.failures == 0
     assert result.seconds == pytest.approx(0.4 if foot == "flat" else 1.2)
-    assert result.com_error_mm < (3.0 if foot == "flat" else 5.0)
-    assert result.zmp_noise_mm < 0.5 or foot == "soft"
+    assert result.com_error < (0.003 if foot == "flat" else 0.005)
+    assert result.zmp_noise < 0.0005 or foot == "soft"
 
 
 def test_the_figures_of_a_stand_are_those_of_its_second_half() -> None:
-    """Greatest way of the CoM from its start, and deviation of the centre of pressure, of both axes together, mm."""
+    """Greatest way of the CoM from its start, and deviation of the centre of pressure, of both axes together, m."""
     trial = StandTrial(StandSpec(seconds=0.1), visuals=False)
     trial.tick_times = array("d", [1e-3])
     origin, rng = trial.sway.origin, np.random.default_rng(0)
@@ -86,10 +88,8 @@ def test_the_figures_of_a_stand_are_those_of_its_second_half() -> None:
     trial.sway.com, trial.sway.zmp = list(origin + com), list(zmp)
     result = trial.result()
     late, seen = com[20:, :2], zmp[[*range(20, 25), *range(26, 40)]]
-    assert result.com_error_mm == pytest.approx(1e3 * np.sqrt((late**2).sum(axis=1)).max())
-    assert result.zmp_noise_mm == pytest.approx(
-        1e3 * np.sqrt(seen.std(axis=0)[0] ** 2 + seen.std(axis=0)[1] ** 2)
-    )
+    assert result.com_error == pytest.approx(np.sqrt((late**2).sum(axis=1)).max())
+    assert result.zmp_noise == pytest.approx(np.hypot(*seen.std(axis=0)))
     truth = SimpleNamespace(
         contact_force=np.array([[5.0, 0.0, 30.0], [0.0, 1.0, 10.0]]),
         contact_position=np.array([[0.1, 0.2, 0.0], [0.5, -0.2, 0.3]]),
@@ -352,16 +352,14 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
         assert limit.result["walks"] == (2 if found else 1 if outcome == "fell" else 0)
 
 
-def test_results_are_shown_with_their_units() -> None:
-    """Numbers with four digits; what is no plain value, such as a list, is left out."""
-    shown = StandResult(
+def stood() -> StandResult:
+    return StandResult(
         robot="g1",
         mode="torque",
         upright=True,
-        com_error_mm=1.23456,
-        zmp_noise_mm=0.5,
-        real_time_factor=2.0,
-        tick_us={"median": 1.0},
+        com_error=1.23456,
+        zmp_noise=0.5,
+        clock=WallClock(1.0, 2.0, {"median": 1.0}, 0.5),
         seconds=3.0,
         steps_taken=2,
         failures=0,
@@ -369,9 +367,27 @@ def test_results_are_shown_with_their_units() -> None:
         foot="flat",
         seed=5,
         control_period=0.002,
-    )._repr_html_()
+    )
+
+
+def test_a_former_name_of_a_figure_says_the_present_one() -> None:
+    result = stood()
+    for former, present in StandResult.RENAMED.items():
+        with pytest.raises(AttributeError, match=re.escape(f"'{former}', which is now '{present}'")):
+            getattr(result, former)
+        path, value = present.partition(" ")[0].split("."), result
+        for name in path:
+            value = getattr(value, name)
+    with pytest.raises(AttributeError, match="no attribute 'height'$"):
+        result.height  # type: ignore[attr-defined]  # noqa: B018
+    assert copy.copy(result) == pickle.loads(pickle.dumps(result)) == result
+
+
+def test_results_are_shown_with_their_units() -> None:
+    """Numbers with four digits; what is no plain value, such as a list, is left out."""
+    shown = stood()._repr_html_()
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in shown.split("<tr")]
-    assert ["com_error_mm", "1.235"] in [row[-2:] for row in rows]
+    assert ["com_error", "1.235", "m"] in [row[-3:] for row in rows]
     assert ["seconds", "3", "s"] in [row[-3:] for row in rows] and "tick_us" not in shown
 
 

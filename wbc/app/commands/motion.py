@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +15,7 @@ from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
-from wbc.base.settings import NonNegative, Positive, settings, to_json
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.robot import Robot
 from wbc.motion import (
     MotionClip,
@@ -158,14 +159,13 @@ def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, ou
     lines += [
         f"{result.motion} on {result.robot}, {result.mode} control, {spec.foot} feet, noise {spec.noise}, "
         f"{result.clip_seconds:.2f} s: {state}",
-        f"  joints within {result.joint_rms_deg:.2g}° rms of the clip, {result.worst_joint} "
-        f"{result.worst_joint_rms_deg:.2g}°, at most {result.largest_deg:.2g}°",
-        f"  centre of mass {result.com_rms_mm:.2g} mm rms; loaded feet slid by {result.foot_slide_mm:.2g} mm at most; "
-        f"{result.landings} landings",
-        f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
-        f"{result.failures} failed",
+        f"  joints within {degrees(result.joint_rms):.2g}° rms of the clip, {result.worst_joint} "
+        f"{degrees(result.worst_joint_rms):.2g}°, at most {degrees(result.joint_error_max):.2g}°",
+        f"  centre of mass {1e3 * result.com_rms:.2g} mm rms; loaded feet slid by {1e3 * result.foot_slide:.2g} mm "
+        f"at most; {result.landings} landings",
+        f"  {result.clock}; {result.failures} failed",
     ]
-    return output.report(*with_changes(hooks, trial, data | to_json(result), "\n".join(lines)))
+    return output.report(*with_changes(hooks, trial, data | result.to_json(), "\n".join(lines)))
 
 
 ROWS = (

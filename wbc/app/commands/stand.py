@@ -5,7 +5,6 @@ from __future__ import annotations
 from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import WbcError
-from wbc.base.settings import to_json
 from wbc.sim.balance.standing import StandSpec, StandTrial
 
 
@@ -26,10 +25,9 @@ def stand(options: StandSpec, *, live: LiveView, output: Output) -> Report:
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
         f"{state} {result.seconds:g} s{steps}\n"
-        f"  centre of mass within {result.com_error_mm:.3g} mm of its target, "
-        f"zero-tilting moment point ± {result.zmp_noise_mm:.3g} mm (second half)\n"
-        f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
-        f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
+        f"  centre of mass within {1e3 * result.com_error:.3g} mm of its target, "
+        f"zero-tilting moment point ± {1e3 * result.zmp_noise:.3g} mm (second half)\n"
+        f"  {result.clock}; {result.failures} failed"
     )
-    data, text = with_changes(hooks, trial, to_json(result), text)
+    data, text = with_changes(hooks, trial, result.to_json(), text)
     return output.report(data, text, failed)
