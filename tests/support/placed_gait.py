@@ -37,7 +37,7 @@ def gait_on(
     """Return the gait of a robot on placed feet, half of the weight on each where no wrenches are given."""
     gait = SteppingWalk(SteppingSettings(), SCALE, heading, DT)
     half = [0.0, 0.0, 0.5 * SCALE.weight, 0.0, 0.0, 0.0]
-    left, right = frames
+    left, right = gait.felt.frames = frames
     gait.felt.state = BodyState(
         com,
         speed,

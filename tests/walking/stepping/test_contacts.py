@@ -240,7 +240,7 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     while body.ticks[-1].reference.progress.air is None or body.ticks[-1].reference.progress.elapsed < 0.15:
         body.run(DT)
     tick, gait = body.ticks[-1], body.gait
-    asked, landing = gait._asked(gait._steer()), tick.reference.progress.landing
+    landing = tick.reference.progress.landing
     assert landing is not None
     side = 1.0 if tick.reference.progress.air == 0 else -1.0
     stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.felt.dcm
@@ -253,9 +253,9 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
     wide = tick.state._replace(places=(behind[0], behind[1]))
     near = Footstep(SIDES[1 - tick.reference.progress.stance], stance[0], stance[1] + side * 0.15)
-    assert not gait.step.rubs(asked, landing), "an early foot on its own orbit has landed"
+    assert not gait.step.rubs(landing), "an early foot on its own orbit has landed"
     gait.felt.state, gait.felt.dcm = wide, beyond
-    assert gait.step.rubs(asked, near)
+    assert gait.step.rubs(near)
 
 
 def in_swing(share: float) -> PointMass:
@@ -339,7 +339,7 @@ def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behi
         gait = body.gait
         if tick.reference.progress.air is None or tick.reference.progress.elapsed < 0.05:
             return
-        told = gait.step.step_state(gait._asked(gait._steer())).cop_command
+        told = gait.step.step_state().cop_command
         off.append(math.dist(told[:2], gait.felt.contact[:2]))
         moved.append(math.dist(gait.step.decision.cop, gait.step.decision.lagged))
 

@@ -15,12 +15,11 @@ from properties import examples
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.asked import steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.decision import (
     STAIR_TIME,
     StepDecision,
     StepState,
-    steps_of_plan,
-    steps_of_velocity,
 )
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Now, Step

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from placed_gait import LEVEL
 from point_mass import SCALE
 
 from wbc.core.robot import GRAVITY, SIDES
@@ -257,17 +258,17 @@ def test_a_contact_point_is_low_passed_and_the_dcm_on_both_feet_is_that_of_the_c
     assert felt.contact == pytest.approx((0.0, 0.055, 0.0)), "by the shares of the load"
     state = felt.state._replace(wrenches=loaded(0.0, 400.0), velocity=(0.2, -0.1, 0.3))
     for tick in range(1, 20):
-        felt.take(state)
+        felt.take(state, LEVEL)
         left = math.exp(-tick * DT / LAW.cop_lag)
         assert felt.contact == pytest.approx((0.0, -0.11 + 0.165 * left, 0.0))
     assert felt.dcm == pytest.approx((0.2 / OMEGA, -0.1 / OMEGA, OMEGA))
     low = felt.state._replace(com=(0.0, 0.0, 0.1 * SCALE.height))
-    felt.take(low)
+    felt.take(low, LEVEL)
     assert felt.dcm.omega == pytest.approx(math.sqrt(GRAVITY / (0.5 * SCALE.height))), (
         "half of the height at least"
     )
     felt.begin(GaitPhase.SINGLE, 1)
-    felt.take(state)
+    felt.take(state, LEVEL)
     assert felt.contact == pytest.approx((0.0, -0.11, 0.0)), "on one foot it begins anew"
     assert felt.carrying_point(1) == pytest.approx((LAW.carrying, -0.11, 0.0))
     assert felt.centre_of_pressure(0) == pytest.approx((LAW.carrying, 0.11, 0.0)), "where it would carry"

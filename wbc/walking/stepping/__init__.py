@@ -5,7 +5,7 @@ felt, touch         state of the robot, phase and feet; contact of the foot in t
 double_support      on both feet: the foot that is to carry, and the shift of the weight
 single_support      on one foot: time, place and contact of the foot that swings
 decision, program   place, time and centre of pressure of a step, by one quadratic program; area: that of the pressure
-path                velocity of the steps, held to a path
+path, asked         velocity of the steps, held to a path; steps that are asked for, of a velocity or footsteps
 law, course         equations of the pendulum and of its orbit; planned motion of the CoM; rise: its limit
 feet                costs and forces of the feet, which the tasks of the walk write
 settings            settings and constants, in units of the robot

@@ -7,7 +7,7 @@ the landing is then held to a nearby place that tilts the foot less, at the cost
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -35,9 +35,6 @@ TOLERANCE = 0.003
 
 STAIR_TIME = 0.85
 """Shortest time of a step on stairs, over T: legs lift a foot over two stairs no sooner."""
-
-HORIZON = 6
-"""Number of footsteps that count: E to that power is beyond any error."""
 
 
 class StepState(NamedTuple):
@@ -370,36 +367,3 @@ def _box(place: Point, bounds: Bounds) -> tuple[Point, Point]:
     """Return the least and the greatest landing about a place, m, within bounds."""
     x, y = (_within(at, low, high) for at, low, high in zip(place, *bounds.places, strict=True))
     return (x - TOLERANCE, y - TOLERANCE), (x + TOLERANCE, y + TOLERANCE)
-
-
-def steps_of_velocity(velocity: Point, width: float, state: StepState) -> Wish:
-    """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""
-    orbit, time = state.orbit, state.nominal
-    length, drift = velocity[0] * time, state.axes.side * velocity[1] * time
-    b, inwards, closing = orbit.ahead, -orbit.inwards, -orbit.closing
-    places = length, width + drift, length, width - drift, length, width + drift
-    return Wish(places, (b, inwards, b, closing, b, inwards), time)
-
-
-def steps_of_plan(
-    footsteps: Sequence[Footstep], carrying: float, width: float, axes: StanceAxes, omega: float, time: float
-) -> Wish:
-    """Return planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺.
-
-    Feet carry so far ahead of their centres, m; after the plan they would stand so far apart, m. Steps take a time, s.
-    """
-    growth, ways = math.exp(omega * time), []
-    at = 0j
-    for step in footsteps[:HORIZON]:
-        x, y = step.x + carrying * math.cos(step.yaw), step.y + carrying * math.sin(step.yaw)
-        ways.append(complex(*axes.offset(x, y)) - at)
-        at += ways[-1]
-    offsets = [-0.5 * ways[-1]]  # in the middle of the feet
-    for way in ways[:0:-1]:
-        offsets.insert(0, (way + offsets[0]) / growth)
-    while len(ways) < 3:  # the robot stands: whatever leads on from there
-        ways.append(complex(0.0, math.copysign(width, -ways[-1].imag)))
-        offsets.append(growth * offsets[-1] - ways[-1])
-    (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
-    places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
-    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), time, promised=True)

@@ -107,6 +107,7 @@ class Felt:
         swing: The other foot.
         elapsed: Time since the start of this phase, s: of a step since lift-off.
         state: State of the robot in this tick.
+        frames: Placements of its soles.
         dcm: Divergent component of motion: on one foot by the angular momentum about the contact point. A wrench on the
             hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
             the contact as ξ does of a robot without hands.
@@ -114,6 +115,7 @@ class Felt:
     """
 
     state: BodyState
+    frames: Frames
     dcm: Divergent
     offset: Point = 0.0, 0.0
 
@@ -152,10 +154,10 @@ class Felt:
         """
         return self.state.compliance * self.state.mass * GRAVITY / self._scale.sole[1]
 
-    def take(self, state: BodyState) -> None:
+    def take(self, state: BodyState, frames: Frames) -> None:
         """Take in the state of the next tick."""
         self.elapsed += self._dt
-        self.state = state
+        self.state, self.frames = state, frames
         self.follow()
 
     def follow(self) -> None:

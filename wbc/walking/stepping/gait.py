@@ -5,13 +5,13 @@
 
 `SteppingWalk` decides which of these phases it is in, and its parts do the work of a tick in this order:
 
-    felt.take(state)                        state, contact point and DCM of the robot       `felt`
+    felt.take(state, frames)                state, contact point and DCM of the robot       `felt`
     stand.joined, pushed, shift             on both feet: does a step begin?                `double_support`
-    steering.update → Asked                 velocity or footsteps that are asked for        `path`
+    steering.update → Asked                 velocity or footsteps that are asked for        `path`, `asked`
     step.update(asked)                      on one foot: time, place, contact of the swing  `single_support`
         decision.decide(state, wish)        where and when the foot lands                   `decision`, `program`
         touch.bears, rubs, is_to_carry      whether it has landed, and is to carry          `touch`
-    step.end(asked)                         the foot that has landed carries
+    step.end()                              the foot that has landed carries
     stand or step → PhaseReference          CoM, forces of the feet, centre of pressure     `course`
 
 `law` and `program` have the equations, and docs/stepping_law.md the rules.
@@ -35,12 +35,13 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import REPLAN, FootstepSource, PlanSource, Standing, Velocity, answer_of
 from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
 from wbc.walking.stepping.path import PathSteering, StepVelocity
 from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
-from wbc.walking.stepping.single_support import Asked, SetOff, SingleSupport
+from wbc.walking.stepping.single_support import SetOff, SingleSupport
 from wbc.walking.swing import FootMotion
 
 logger = logging.getLogger(__name__)
@@ -193,16 +194,15 @@ class SteppingWalk(ReferenceSource):
     def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Stand, shift the weight or step for a tick; feet that stand keep the placements of left and right sole."""
         self.time += self.dt
-        self.felt.take(state)
+        self.felt.take(state, frames)
         events: tuple[Event, ...] = ()
         if self.felt.phase is not GaitPhase.SINGLE:
-            events = self._leave_stand(frames)
+            events = self._leave_stand()
         if self.felt.phase is GaitPhase.SINGLE:
-            asked = self._asked(self._steer())
-            events += self.step.update(asked, frames)
-            if self.step.is_over(asked):
-                events += self._change_feet(asked, frames)
-        return self._references(events, frames)
+            events += self.step.update(self._asked(self._steer()))
+            if self.step.is_over():
+                events += self._change_feet()
+        return self._references(events)
 
     def _steer(self) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
@@ -230,9 +230,10 @@ class SteppingWalk(ReferenceSource):
             direction=s.direction,
             turn=s.turn,
             time=self.step_time,
+            footsteps=self.footsteps,
         )
 
-    def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
+    def _references(self, events: tuple[Event, ...]) -> Reference:
         """Return the references of a tick in the phase that it has led to."""
         felt, step, steering, state = self.felt, self.step, self.steering, self.felt.state
         if felt.phase is GaitPhase.SINGLE:
@@ -250,7 +251,7 @@ class SteppingWalk(ReferenceSource):
             step.swing.at(felt.elapsed, self.constants.swing_push)
             if side == progress.air and step.swing is not None
             else FootMotion.at_rest(place.copy())
-            for side, place in enumerate(frames)
+            for side, place in enumerate(felt.frames)
         ]
         return Reference(
             pendulum, (feet[0], feet[1]), progress, most_force=most_force, cop=now.cop, urgency=now.urgency
@@ -264,7 +265,7 @@ class SteppingWalk(ReferenceSource):
             shifts = felt.phase is GaitPhase.DOUBLE
             duration, cycle = self.stand.duration if shifts else 0.0, self.step_time
         else:
-            duration, cycle = step.duration, step.nominal
+            duration, cycle = step.duration, step.asked.time
         return Progress(
             phase=felt.phase,
             stance=felt.stance,
@@ -283,30 +284,30 @@ class SteppingWalk(ReferenceSource):
 
     # ---- from phase to phase ------------------------------------------------------------------------------------
 
-    def _leave_stand(self, frames: Frames) -> tuple[Event, ...]:
+    def _leave_stand(self) -> tuple[Event, ...]:
         """Walk on, shift the weight, or step, where the feet, the time, orders or a push ask for it."""
         felt, stand, joins = self.felt, self.stand, self._joins
         self._joins = None
         if joins is not None:
             stance = stand.joined(*joins)
             if stance is not None:
-                return self._set_off(stance, frames, walks=max(joins[0]))
+                return self._set_off(stance, walks=max(joins[0]))
         elif felt.phase is GaitPhase.DOUBLE:
             stand.delay(self.dt)
             if felt.elapsed >= stand.duration:
-                return self._set_off(felt.stance, frames)
-        elif self._is_to_walk(frames):
+                return self._set_off(felt.stance)
+        elif self._is_to_walk():
             return self._shift()
         kicked = felt.kicked()
         stance = stand.pushed(self.steering.direction) if kicked is None else 1 - kicked
-        return () if stance is None else self._set_off(stance, frames, kicked=kicked is not None)
+        return () if stance is None else self._set_off(stance, kicked=kicked is not None)
 
-    def _is_to_walk(self, frames: Frames) -> bool:
+    def _is_to_walk(self) -> bool:
         """Return True if a robot that stands is asked for steps; its planner is asked for footsteps."""
         asks = self.planner is not None and self.time >= self._next
         if self.felt.elapsed <= self.constants.rest or not (asks or self.steering.pending):
             return False
-        self._plan_steps(None, frames)
+        self._plan_steps(None)
         if self.footsteps:
             return True
         self._stay_on_ground()  # a goal where the robot stands asks for nothing
@@ -321,9 +322,7 @@ class SteppingWalk(ReferenceSource):
         self.felt.enter(GaitPhase.DOUBLE, stance)
         return (Event.STARTED,)
 
-    def _set_off(
-        self, stance: int, frames: Frames, *, walks: float | None = None, kicked: bool = False
-    ) -> tuple[Event, ...]:
+    def _set_off(self, stance: int, *, walks: float | None = None, kicked: bool = False) -> tuple[Event, ...]:
         """Begin to step from a stand.
 
         A robot that walks already has a foot that has been in the air for a time, s; another foot was kicked away.
@@ -332,22 +331,23 @@ class SteppingWalk(ReferenceSource):
         self.steering.rest(self._middle())
         # A foot may land in the second half of its step.
         elapsed = 0.0 if walks is None else min(walks, 0.5 * self.step_time)
-        self._lift(stance, frames, elapsed, out)
+        self._lift(stance, elapsed, out)
         return (Event.LIFT_OFF,)
 
-    def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0, out: SetOff | None = None) -> None:
+    def _lift(self, stance: int, elapsed: float = 0.0, out: SetOff | None = None) -> None:
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
         self.felt.enter(GaitPhase.SINGLE, stance, elapsed)
         if out is None and self._idle and isinstance(self.planner, PlanSource):
             self.footsteps, self.stair = (), 0.0  # a step back to the end of a plan begins in a stand
         else:
-            self._plan_steps(SIDES[1 - stance], frames)
-        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.stair), out=out)
+            self._plan_steps(SIDES[1 - stance])
+        ground = self.footsteps[0].z if self.footsteps else None
+        self.step.begin(ground, climbs=bool(self.footsteps and self.stair), out=out)
 
-    def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
+    def _change_feet(self) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         c, felt, state, steering = self.constants, self.felt, self.felt.state, self.steering
-        steering.land(self.step.end(asked))
+        steering.land(self.step.end())
         landed = felt.swing
         self.steps_done += 1
         self._idle |= isinstance(self.planner, PlanSource) and len(self.footsteps) == 1
@@ -361,18 +361,19 @@ class SteppingWalk(ReferenceSource):
             )
         slow = math.hypot(*steering.velocity) < c.stop_speed
         near = slow and state.apart() < c.stop_length
-        if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
+        steps = self.step.asked.steps
+        if not steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
             self.footsteps = ()
             steering.rest(self._middle())
             return (Event.STOPPED,)
-        self._lift(landed, frames)
-        self.step.decide(self._asked(asked.steps), frames)
+        self._lift(landed)
+        self.step.decide(self._asked(steps))
         return (Event.LIFT_OFF,)
 
     # ---- what asks for steps ------------------------------------------------------------------------------------
 
-    def _plan_steps(self, first: str | None, frames: Frames) -> None:
+    def _plan_steps(self, first: str | None) -> None:
         """Take the planner's footsteps; `first` is the side that steps, None for either.
 
         A planner that fails is left. One that asks for a stand is asked again; a plan is left that has no further step
@@ -380,7 +381,7 @@ class SteppingWalk(ReferenceSource):
         """
         before, self.footsteps, self.stair = self.stair, (), 0.0
         if self.planner is not None:
-            left, right = (Footstep.of(*foot) for foot in zip(SIDES, frames, strict=True))
+            left, right = (Footstep.of(*foot) for foot in zip(SIDES, self.felt.frames, strict=True))
             start = FootstepPlan(left, right, (), self._gait)
             now = Standing(start, first, self.steps_done, False, self.time, self.reach)
             plan = answer_of(self.planner, now, self._extent, self.dt)
