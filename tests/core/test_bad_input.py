@@ -115,6 +115,17 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.JointLimits(acceleration=5.0, braking=10.0).bind(g1()), InputError, "braking"),
     (lambda: wbc.TorqueLimits(rate=0.0).bind(g1()), InputError, "rate"),
     (lambda: again(wbc.JointLimits(), wbc.JointLimits()), InputError, "joint"),
+    (
+        lambda: wbc.FramePositionLimit("torso_link", lower=[np.inf] * 3),
+        InputError,
+        "lower and an upper bound",
+    ),
+    (
+        lambda: wbc.FramePositionLimit("torso_link", upper=[-np.inf] * 3),
+        InputError,
+        "lower and an upper bound",
+    ),
+    (lambda: pairs("left_foot", "right_foot").distances, InputError, "before it is added"),
     (lambda: again(wbc.TorqueLimits(), wbc.TorqueLimits()), InputError, "torque"),
     (lambda: with_limits(1.0, 0.0), ModelError, "position"),
     (lambda: with_limits(NAN, 1.0), ModelError, "position"),

@@ -219,14 +219,13 @@ def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
     rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
     pairs, measured, left_out, needed, of_pair = len(limit._names), 0, 0, 0, limit._distance_of
 
-    def counted(row: int, within: float) -> float:
+    def counted(row: int, data: pin.GeometryData, within: float) -> float:
         nonlocal measured
         measured += 1
-        return of_pair(row, within)
+        return of_pair(row, data, within)
 
     def distances() -> Array:
-        pin.updateGeometryPlacements(robot.model, robot.data, limit._geometry, limit._geometry_data)
-        return np.array([limit._distance_of(row) for row in range(pairs)])
+        return np.array(limit._measured(limit._data))
 
     def move(q: Array, v: Array, step: float) -> Array:
         for obstacle in obstacles:
@@ -447,7 +446,7 @@ def test_the_distance_to_a_height_map_is_that_of_the_nearest_of_all_its_columns(
         height = float(ground.at(np.array([centre[0] + 1j * centre[1]]))[0][0])
         limit._geometry.geometryObjects[0].placement = pin.SE3.Identity()
         for depth in (0.02, 0.09):
-            robot_in = limit._geometry_data
+            robot_in = limit._data
             robot_in.oMg[0] = pin.SE3(np.eye(3), np.array([centre[0], centre[1], height + 0.1 - depth]))
             result = limit._grounds[0].nearest(limit._geometry, robot_in, 0, 0.3)  # type: ignore[union-attr]
             assert result.min_distance <= -depth + 1e-6 and result.normal[2] < -0.99
@@ -531,3 +530,38 @@ def test_bad_input_is_refused_by_name(case: str) -> None:
     act, named = REFUSED[case]
     with pytest.raises(InputError, match=named):
         act()
+
+
+def test_who_reads_distances_changes_no_command_and_a_reset_controller_is_as_a_new_one() -> None:
+    description = wbc.load_robot("g1")
+    shapes = description.collision_hulls()
+    links = ["left_rubber_hand", "right_rubber_hand"]
+
+    def run(controller: wbc.Controller, limit: wbc.CollisionLimit, read: bool = False) -> Array:
+        robot, found = controller.robot, []
+        robot.update(robot.half_sitting, np.zeros(robot.nv))
+        controller.reset()
+        middle = 0.5 * sum(robot.placement(link).translation for link in links)
+        for link in links:
+            controller.task(link).target = middle
+        for _ in range(160):
+            if read:
+                assert limit.distances
+            found.append(np.array(controller.solve().accelerations))
+            v = robot.v + 0.005 * found[-1]
+            robot.update(pin.integrate(robot.model, robot.q, 0.005 * v), v)
+        return np.array(found)
+
+    def made() -> tuple[wbc.Controller, wbc.CollisionLimit]:
+        controller = wbc.Controller(description.robot(), 0.005)
+        controller.add(wbc.PostureTask(), wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+        controller.add(*(wbc.PositionTask(link, weight=50.0, name=link) for link in links))
+        limit = wbc.CollisionLimit([tuple(links)], shapes={link: shapes[link] for link in links})
+        controller.add(wbc.JointLimits(), wbc.TorqueLimits(), limit)
+        return controller, limit
+
+    first = made()
+    once = run(*first)
+    assert min(first[1].distances.values()) < 0.03  # the hands meet
+    np.testing.assert_array_equal(run(*first), once)
+    np.testing.assert_array_equal(run(*made(), read=True), once)

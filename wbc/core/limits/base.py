@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -26,8 +26,8 @@ BACK = 1.0
 RECOVERY = 2.0
 """Greatest acceleration back from outside of a bound where none is given, m/s² or rad/s²."""
 
-SHARE = 0.9
-"""Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
+Order = Literal["step", "velocity", "acceleration"]
+"""What rows of a limit bound: steps and velocities of inverse kinematics, accelerations of a controller."""
 
 ZERO = scalar(0.0)
 """Zero, for the tick; see `scalar`."""
@@ -65,6 +65,9 @@ class Limit(Owned, ABC):
             upper: To fill, shape (dim,); inf where there is no bound.
         """
 
+    def reset(self) -> None:  # noqa: B027 - most limits have nothing to forget
+        """Forget the past, for a controller that begins anew where its robot is now."""
+
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step of the configuration, lower ≤ rows · step ≤ upper, for inverse kinematics.
 
@@ -98,8 +101,8 @@ class Barrier(Limit):
     ones. A subclass with another law overrides `_final_speeds`, `_least_accelerations` and `_allowed_speeds`.
     """
 
-    _time: float
-    _back: float  # the recovery
+    _time: float = 0.1  # time constant
+    _back: float = RECOVERY
     _robot: Robot
 
     @checked
@@ -116,7 +119,7 @@ class Barrier(Limit):
 
     def bind(self, robot: Robot) -> None:
         """Take the robot; who overrides it calls `super().bind(robot)`."""
-        self._robot, self.__dt = robot, 0.0
+        self._robot, self._dt = robot, 0.0
 
     @property
     def robot(self) -> Robot:
@@ -142,7 +145,7 @@ class Barrier(Limit):
     def _take_period(self, dt: float) -> None:
         """Make arrays for a new period, s; those without axes take NumPy half the time of numbers."""
         self.__room, self.__speed, self.__bound, self.__least = np.zeros((4, 2, self.dim))
-        self.__dt, self.__per_period, self.__per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
+        self._dt, self._per_dt, self.__per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
         self.__per_way = scalar(1.0 / max(dt, self._time))
         # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
         # because a period passes before the bound reacts.
@@ -150,22 +153,31 @@ class Barrier(Limit):
         self.__recovery = scalar(self._back)
 
     def _final_speeds(self, room: Array, speed: Array, out: Array) -> Array:
-        """Return the greatest speeds towards the bounds at the end of a period, to overwrite, such as in `out`."""
+        """Return the greatest speeds towards the bounds at the end of a period, to overwrite, such as in `out`.
+
+        Args:
+            room: Distances to the upper and to the lower bounds, shape (2, dim), m or rad.
+            speed: Speeds towards them, shape (2, dim), m/s or rad/s.
+            out: Array for the result, shape (2, dim), m/s or rad/s.
+        """
         return np.multiply(room, self.__per_time, out=out)
 
     def _least_accelerations(self, room: Array, out: Array) -> Array:
-        """Return the least accelerations towards the bounds, which are negative: no row demands more braking."""
+        """Return the least accelerations towards the bounds, which are negative: no row demands more braking.
+
+        They have shape (2, dim) or (), m/s² or rad/s²; for the arguments see `_final_speeds`.
+        """
         np.maximum(room, ZERO, out=out)
         out *= self.__per_room
         out -= self.__recovery
         return out
 
     def _allowed_speeds(self, room: Array, out: Array) -> Array:
-        """Return the greatest speeds towards the bounds of inverse kinematics, to overwrite, such as in `out`."""
+        """Return the greatest speeds towards the bounds of inverse kinematics; see `_final_speeds`."""
         return np.multiply(room, self.__per_way, out=out)
 
-    def _measure(self, rows: Array, room: Array, dt: float | None, of_velocity: bool) -> Array | None:
-        """Fill rows and rooms for accelerations or velocities of a period, or for a step, which has none.
+    def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
+        """Fill rows and rooms for an order and its period, s, which is 0 for a step.
 
         Returns:
             Speeds of the coordinates at zero generalised velocity, shape (dim,); None for none.
@@ -179,31 +191,31 @@ class Barrier(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the acceleration; see `Limit.write`."""
-        if dt != self.__dt:
+        if dt != self._dt:
             self._take_period(dt)
         room, speed = self.__room, self.__speed
-        self._measure(rows, room, dt, False)
+        self._measure(rows, room, "acceleration", dt)
         speed[0] = self._speeds(rows)
         np.negative(speed[0], out=speed[1])
         bound = self._final_speeds(room, speed, self.__bound)
         bound -= speed
-        bound *= self.__per_period
+        bound *= self._per_dt
         np.maximum(bound, self._least_accelerations(room, self.__least), out=bound)
         self._fill(ATTAINABLE, bound, self.drift(), rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
         room = np.zeros((2, self.dim))
-        self._measure(rows, room, None, False)
+        self._measure(rows, room, "step", 0.0)
         upper[:] = room[0]
         np.negative(room[1], out=lower)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
-        if dt != self.__dt:
+        if dt != self._dt:
             self._take_period(dt)
         room = self.__room
-        others = self._measure(rows, room, dt, True)
+        others = self._measure(rows, room, "velocity", dt)
         self._fill(BACK, self._allowed_speeds(room, self.__bound), others, rows, lower, upper)
 
     def _fill(
@@ -233,46 +245,3 @@ class Barrier(Limit):
 def demands(lower: Array, upper: Array) -> bool:
     """Return true if zero is not within all bounds, of which there is at least one."""
     return bool(lower[lower.argmax()] > 0.0 or upper[upper.argmin()] < 0.0)
-
-
-class Attainable:
-    """Demands of limits on many joints, cut off at what the intervals of single joints allow.
-
-    A row of a limit that is violated demands a motion. The joints may be too slow for it, or at their own bounds. Then
-    the row demands what they attain, so that it contradicts no interval of a joint.
-    """
-
-    def __init__(
-        self, rows: Array, lower: Array, upper: Array, joints: tuple[Array, Array] | None, fastest: float
-    ) -> None:
-        """Prepare for rows with bounds, and for intervals of the joints, if any; all are views that others fill.
-
-        Args:
-            rows: Rows of limits on many joints, shape (n, nv).
-            lower: Their lower bounds, shape (n,).
-            upper: Their upper bounds, shape (n,).
-            joints: Lower and upper bounds of each joint, shapes (na,); they belong to the last coordinates.
-            fastest: What a coordinate attains that has no bound.
-        """
-        self._rows, self._lower, self._upper = rows, lower, upper
-        self._bounds, self._fastest = joints, fastest
-        self._low, self._high = np.full(rows.shape[1], -fastest), np.full(rows.shape[1], fastest)
-
-    def cut(self) -> None:
-        """Cut the demands of all rows off; there is at least one row."""
-        lower, upper = self._lower, self._upper
-        # Where a joint must move, all rows may need all others.
-        moved = self._bounds is not None and demands(*self._bounds)
-        if not (moved or demands(lower, upper)):
-            return
-        low, high = self._low, self._high
-        if self._bounds is not None:
-            least, most = self._bounds
-            joints = slice(low.size - least.size, None)
-            low[joints] = np.where(np.isfinite(least), least, np.minimum(most, -self._fastest))
-            high[joints] = np.where(np.isfinite(most), most, np.maximum(least, self._fastest))
-        chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
-        rows = self._rows[chosen]
-        middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
-        lower[chosen] = np.minimum(lower[chosen], middle + reach)
-        upper[chosen] = np.maximum(upper[chosen], middle - reach)

@@ -18,9 +18,10 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross
-from wbc.core.limits.base import BACK, OPTIONS, Barrier, demands
-from wbc.core.limits.facing import CORNERS, Facing
-from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Columns, Obstacle, Shape, geometry_of
+from wbc.core.limits.base import BACK, OPTIONS, Barrier, Order, demands
+from wbc.core.limits.columns import Columns
+from wbc.core.limits.facing import CORNERS, Corner, Facing
+from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
@@ -56,15 +57,35 @@ SUDDEN = 100.0
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
+Twist = Sequence[float]
+"""Velocity of the second shape of a pair against the first at the world's origin, [linear; angular], m/s and rad/s."""
 
-Numbers = tuple[float, int, float, float, float, float, float, float, float, float, float, float, float]
-DISTANCE, PAIR, ROOM, GROWTH, LINE, NORMAL, POINT = 0, 1, 2, 3, slice(4, 10), slice(4, 7), slice(10, 13)
-"""Numbers of a pair of shapes, or of a corner of a pair, in the world, and their places.
+Numbers = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+DISTANCE, LINE, NORMAL, POINT, ROOM, GROWTH = 0, slice(1, 7), slice(1, 4), slice(7, 10), 10, 11
+"""Numbers of the nearest points of two shapes, or of a corner, and their places.
 
-Its distance, m, and the number of the pair; the distance beyond the margin, of a corner beyond that of a pair that has
-come too close, m; the speed of the distance, or what a moving obstacle adds to it, m/s; the normal from the first shape
-to the second and its moment about the origin, the line; and the nearest point of the first shape, m.
+The first are those of a `Corner`: distance, m, the normal and its moment, which are the line, and the point of the
+first shape, m. Then come the distance beyond the margin, of a corner beyond that of a pair that has come too close, m,
+and the speed of the distance, or what a moving obstacle adds to it, m/s.
 """
+
+
+class Window(NamedTuple):
+    """Distances up to which pairs and corners have rows.
+
+    Attributes:
+        within: Distance up to which a pair is looked at, m.
+        corners: Distance up to which its corners are looked at, m.
+        ahead: Time for which a distance is extrapolated at its present speed, s; 0 where speeds do not count.
+        least: Distance below which an extrapolated pair has a row, m.
+        turning: Distance beyond the margin below which an extrapolated corner has a row, for each metre of its pair, 1.
+    """
+
+    within: float
+    corners: float
+    ahead: float
+    least: float
+    turning: float
 
 
 class Near(NamedTuple):
@@ -73,7 +94,7 @@ class Near(NamedTuple):
     Attributes:
         rows: Row of each, shape (n,).
         pairs: Pair of each, shape (n,).
-        numbers: Its numbers, shape (n, 13); see `Numbers`.
+        numbers: Its numbers, shape (n, 12); see `Numbers`.
     """
 
     rows: NDArray[np.intp]
@@ -81,7 +102,7 @@ class Near(NamedTuple):
     numbers: Array
 
 
-NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 13)))
+NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 12)))
 
 
 @dataclass(slots=True)
@@ -213,23 +234,19 @@ class CollisionLimit(Barrier):
         for _, i, k in pairs:
             geometry.addCollisionPair(pin.CollisionPair(i, k))
         self._names, self._n_pairs = [names for names, _, _ in pairs], len(pairs)
-        self._geometry_data = geometry.createData()
-        for request in self._geometry_data.distanceRequests:
-            request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
         for item in geometry.geometryObjects:
             item.geometry.computeLocalAABB()
         self._grounds = [grounds.get(k) for _, _, k in pairs]
-        self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
-        self._facing = Facing(geometry, self._geometry_data, self._grounds)
-        corners = self._facing.has_corners
-        self._separation = Separation(geometry, self._geometry_data, np.array(corners))
-        self._spread = self._separation.spread.tolist()
-        self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
+        self._changing = np.flatnonzero(
+            [ground is not None for ground in self._grounds]
+        )  # measured at every tick
+        self._probe = geometry.createData()  # of who reads distances: a tick begins where the last one ended
+        self.reset()
+        self._refuse_inside()
+        self.dim = self._n_pairs + min(CORNERS * sum(self._facing.has_corners), MOST_CORNERS)
         super().bind(robot)
         self._follow_bodies(robot, np.array([(i, k) for _, i, k in pairs]))
-        self._corner_rows = np.arange(self._n_pairs, self.dim)
-        self._near, self._growth = NOTHING, np.zeros(self.dim)  # of the last tick; growths by rows
-        self._start()
+        self._growth = np.zeros(self.dim)  # of the last tick, by rows
 
     def _add_obstacles(self) -> dict[int, Columns]:
         """Add the obstacles to the geometry; return the columns of height maps, by the number of their shape."""
@@ -283,13 +300,23 @@ class CollisionLimit(Barrier):
             following([each.rotation for each in data.oMi], 12),
         )
 
-    def _start(self) -> None:
-        """Measure all pairs once; refuse an obstacle inside a link."""
-        robot, n = self._robot, self._n_pairs
-        pin.updateGeometryPlacements(robot.model, robot.data, self._geometry, self._geometry_data)
-        distances = np.array([self._distance_of(row) for row in range(n)])
+    def reset(self) -> None:
+        """Forget the nearest points so far, and measure all pairs; see `Limit.reset`."""
+        geometry = self._geometry
+        self._data = data = geometry.createData()
+        for request in data.distanceRequests:
+            request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
+        self._facing = Facing(geometry, data, self._grounds)
+        self._separation = Separation(geometry, data, np.array(self._facing.has_corners))
+        self._spread = self._separation.spread.tolist()
+        distances = np.array(self._measured(data))
         self._separation.distances()
-        self._separation.measured(np.arange(n), distances)
+        self._separation.measured(np.arange(self._n_pairs), distances)
+        self._near = NOTHING
+
+    def _refuse_inside(self) -> None:
+        """Refuse an obstacle inside a link."""
+        distances = self._measured(self._probe)
         for place in self._places:
             for (link, what), distance in zip(self._names[place.pairs], distances[place.pairs], strict=True):
                 if distance <= 0.0:
@@ -328,24 +355,30 @@ class CollisionLimit(Barrier):
 
     @property
     def distances(self) -> dict[tuple[str, str], float]:
-        """Distance at the last tick of each pair of links, or of a link and an obstacle, m; negative in collision."""
+        """Distance of each pair of links, or of a link and an obstacle, at present, m; negative in collision."""
+        _ = self.robot  # it is refused before the limit has one
         smallest: dict[tuple[str, str], float] = {}
-        for row, pair in enumerate(self._names):
-            smallest[pair] = min(smallest.get(pair, np.inf), self._distance_of(row))
+        for pair, distance in zip(self._names, self._measured(self._probe), strict=True):
+            smallest[pair] = min(smallest.get(pair, np.inf), distance)
         return smallest
 
-    def _distance_of(self, row: int, within: float | None = None) -> float:
+    def _measured(self, data: pin.GeometryData) -> list[float]:
+        """Place all shapes in some data, and return the distances of all pairs there, m."""
+        self._place_shapes(data)
+        return [self._distance_of(row, data, self._influence) for row in range(self._n_pairs)]
+
+    def _distance_of(self, row: int, data: pin.GeometryData, within: float) -> float:
         """Return the distance of a pair of shapes, m; infinite where there is no ground within a distance, m."""
         ground = self._grounds[row]
         if ground is None:
-            return float(pin.computeDistance(self._geometry, self._geometry_data, row).min_distance)
-        result = ground.nearest(self._geometry, self._geometry_data, row, within or self._influence)
+            return float(pin.computeDistance(self._geometry, data, row).min_distance)
+        result = ground.nearest(self._geometry, data, row, within)
         return np.inf if result is None else float(result.min_distance)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill rows and rooms of all pairs within the influence; see `Barrier.measure`."""
         room = np.zeros((2, self.dim))
-        self._measure(rows, room, None, False)
+        self._measure(rows, room, "step", 0.0)
         above[:], below[:] = room
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
@@ -360,15 +393,11 @@ class CollisionLimit(Barrier):
         one, other = self._names[row if row < self._n_pairs else near.pairs[near.rows == row][0]]
         return f"{size:.3g} m ('{one}' and '{other}')"
 
-    def _bounds(self) -> Array:
-        """Place all shapes, and return lower bounds on their distances, m; without an end where the ground changes."""
+    def _place_shapes(self, data: pin.GeometryData) -> None:
+        """Place all shapes in some data, and the obstacles that have moved among them."""
         for place in self._places:
             place.follow(self._geometry)
-        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._geometry, self._geometry_data)
-        bounds = self._separation.distances()
-        if self._changing.any():
-            bounds[self._changing] = -np.inf
-        return bounds
+        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._geometry, data)
 
     def _twists(self) -> Array:
         """Return velocities of the second bodies against the first at the world's origin, shape (6, pairs)."""
@@ -415,88 +444,106 @@ class CollisionLimit(Barrier):
             drift[rows] = along[n:] - along[:n]
         return drift
 
-    def _measure(self, rows: Array, room: Array, dt: float | None, of_velocity: bool) -> Array | None:
-        """Fill the rows of pairs that are near, and of the corners of their faces.
+    def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
+        """Fill the rows of pairs that are near, and of the corners of their faces; see `Barrier._measure`."""
+        rows.fill(0.0)
+        room.fill(np.inf)
+        self._growth.fill(0.0)
+        self._place_shapes(self._data)
+        twists = None  # steps have no speeds, and velocities those of obstacles alone
+        if order != "step":
+            twists = self._twists() if order == "acceleration" else self._beside()
+        self._near = near = self._find(self._window(order, dt), twists)
+        bent = False
+        if near.rows.size:
+            moving = self._put(near, rows, room)
+            bent = order == "velocity" and self._bend(near, moving, dt)
+        return None if twists is None and not bent else self._growth
+
+    def _window(self, order: Order, dt: float) -> Window:
+        """Return which pairs and corners have rows.
 
         In a controller those are left out whose bodies move at speeds at which nothing but an acceleration above
         `SUDDEN` makes them too fast for their distance.
         """
-        rows.fill(0.0)
-        room.fill(np.inf)
-        self._growth.fill(0.0)
-        self._near, moves = near, _ = self._find(dt, of_velocity)
-        bent = False
-        if near.rows.size:
-            moving = self._put(near, rows, room)
-            bent = of_velocity and self._bend(near, moving, dt or 0.0)
-        return self._growth if bent or moves else None
+        influence, margin, time = self._influence, self._margin, self._time
+        if order == "acceleration":
+            return Window(influence, influence, time, margin + time * dt * SUDDEN, time * dt * TURNED)
+        close = min(influence, margin + NEAR)
+        if order == "velocity":
+            return Window(close, close, 0.0, math.inf, dt * TURNING)
+        return Window(influence, close, 0.0, math.inf, math.inf)
 
-    def _find(self, dt: float | None, of_velocity: bool) -> tuple[Near, bool]:
-        """Return the pairs that are near, and the corners of their faces; True with them if speeds count.
-
-        They are near for velocities or accelerations of a period, s, or for a step, without a period.
-        """
-        bounds, influence, margin = self._bounds(), self._influence, self._margin
-        twists: Array | None = None  # see `_twists`; of velocities, those of the obstacles alone
-        counts: Array | None = None  # distance of each pair up to which it counts, m
-        # Time after which a distance counts at its present speed, distance up to which it counts then, and distance
-        # beyond the margin that a turn may take from corners, for each metre between them.
-        ahead, free, turning = 0.0, math.inf, math.inf
-        within, reach = influence, min(influence, margin + NEAR)  # of pairs and of corners
-        if of_velocity and dt is not None:
-            within, twists, turning = reach, self._beside(), dt * TURNING
-        elif dt is not None:
-            ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
-            reach, twists = influence, self._twists()
-            counts = np.minimum(self._time * self._separation.speeds(twists) + free, influence)
-        asked = (bounds <= (within if counts is None else counts)).nonzero()[0]
+    def _find(self, window: Window, twists: Array | None) -> Near:
+        """Return the pairs that are near, and the corners of their faces; shapes without twists are at rest."""
+        asked, limits = self._asked(window, twists)
         if not asked.size:
-            return NOTHING, False
-        distances = np.array([self._distance_of(row, within) for row in asked.tolist()])
-        self._separation.measured(asked, distances)
-        pairs: list[Numbers] = []
-        corners: list[Numbers] = []
-        results, facing = self._geometry_data.distanceResults, self._facing
+            return NOTHING
+        distances = [self._distance_of(row, self._data, window.within) for row in asked.tolist()]
+        self._separation.measured(asked, np.array(distances))
+        results, has_corners, margin = self._data.distanceResults, self._facing.has_corners, self._margin
         moving = itertools.repeat(AT_REST) if twists is None else twists.take(asked, axis=1).T.tolist()
-        limits = itertools.repeat(within) if counts is None else counts.take(asked).tolist()
-        for pair, distance, most, (vx, vy, vz, wx, wy, wz) in zip(
-            asked.tolist(), distances.tolist(), limits, moving, strict=False
-        ):
+        found, corners = list[Numbers](), list[Numbers]()
+        pairs, owners = list[int](), list[int]()  # of each found, and of each corner
+        for pair, distance, most, twist in zip(asked.tolist(), distances, limits, moving, strict=False):
             if distance > most:
                 continue
             result = results[pair]
-            normal, point = result.normal, result.getNearestPoint1()
-            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
+            (nx, ny, nz), (x, y, z) = result.normal.tolist(), result.getNearestPoint1().tolist()
             mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            vx, vy, vz, wx, wy, wz = twist
             growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-            left = distance - margin
-            if distance + ahead * growth < free:
-                pairs.append((distance, pair, left, growth, nx, ny, nz, mx, my, mz, x, y, z))
-            if not facing.has_corners[pair] or distance < -DEEP:
-                continue
-            turn = self._spread[pair] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
-            late = margin + turning * self._spread[pair]
-            # A corner further away is slow for its distance.
-            beyond = min(late + ahead * (turn - growth), reach)
-            if distance >= beyond:
-                continue
-            least = min(left, 0.0)  # what has come too close may not come closer
-            touches = left < TOUCHING
-            for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
-                pair, distance, normal, point, beyond, touches
-            ):
-                growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-                if gap + ahead * growth < late:
-                    space = gap - margin - least
-                    corners.append((gap, pair, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
-        most_corners, moves = len(self._corner_rows), twists is not None
-        if len(corners) > most_corners:
-            corners = sorted(corners)[:most_corners]
-        if not (pairs or corners):
-            return NOTHING, moves
-        numbers = np.array(pairs + corners)
-        owners, n = numbers[:, PAIR].astype(np.intp), len(pairs)
-        return Near(np.concatenate((owners[:n], self._corner_rows[: len(corners)])), owners, numbers), moves
+            nearest = distance, nx, ny, nz, mx, my, mz, x, y, z
+            if distance + window.ahead * growth < window.least:
+                pairs.append(pair)
+                found.append((*nearest, distance - margin, growth))
+            if has_corners[pair]:
+                corners += self._corners(pair, nearest, growth, twist, window)
+                owners += [pair] * (len(corners) - len(owners))
+        if len(corners) > self.dim - self._n_pairs:
+            corners, owners = self._nearest(corners, owners)
+        if not (found or corners):
+            return NOTHING
+        rows = [*pairs, *range(self._n_pairs, self._n_pairs + len(corners))]
+        return Near(np.array(rows), np.array(pairs + owners), np.array(found + corners))
+
+    def _asked(self, window: Window, twists: Array | None) -> tuple[NDArray[np.intp], Iterable[float]]:
+        """Return the pairs to measure, by bounds on their distances, and the distance up to which each counts, m."""
+        bounds, counts = self._separation.distances(), window.within
+        if self._changing.size:
+            bounds[self._changing] = -np.inf
+        if twists is None or not window.ahead:
+            return (bounds <= counts).nonzero()[0], itertools.repeat(counts)
+        each = np.minimum(window.ahead * self._separation.speeds(twists) + window.least, counts)
+        asked = (bounds <= each).nonzero()[0]
+        return asked, each.take(asked).tolist()
+
+    def _corners(
+        self, pair: int, nearest: Corner, growth: float, twist: Twist, window: Window
+    ) -> list[Numbers]:
+        """Return the corners of a pair that have rows; `growth` is the speed of its distance, m/s."""
+        distance, margin, spread, ahead = nearest[0], self._margin, self._spread[pair], window.ahead
+        vx, vy, vz, wx, wy, wz = twist
+        turn = spread * math.sqrt(wx * wx + wy * wy + wz * wz)
+        late = margin + window.turning * spread
+        # A corner that is further away is slow for its distance.
+        within = min(late + ahead * (turn - growth), window.corners)
+        if not -DEEP <= distance < within:
+            return []
+        least, touches = min(distance - margin, 0.0), distance - margin < TOUCHING
+        found = list[Numbers]()
+        for gap, nx, ny, nz, mx, my, mz, x, y, z in self._facing.corners(pair, nearest, within, touches):
+            growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+            if gap + ahead * growth < late:
+                found.append((gap, nx, ny, nz, mx, my, mz, x, y, z, gap - margin - least, growth))
+        return found
+
+    def _nearest(self, corners: list[Numbers], owners: list[int]) -> tuple[list[Numbers], list[int]]:
+        """Return as many corners as have rows, nearest ones first, and their pairs."""
+        order = sorted(
+            range(len(corners)), key=lambda i: (corners[i][DISTANCE], owners[i], corners[i][GROWTH])
+        )[: self.dim - self._n_pairs]
+        return [corners[i] for i in order], [owners[i] for i in order]
 
     def _put(self, near: Near, rows: Array, room: Array) -> Array:
         """Fill the rows of pairs and corners, and return them.

@@ -92,7 +92,7 @@ class CoMPolygonLimit(Barrier):
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
         offsets = np.einsum("ij,ij->i", normals, corners) - self._margin
-        if (normals @ corners.mean(axis=0) >= offsets).any() and not _room(normals, offsets) > 0.0:
+        if (normals @ corners.mean(axis=0) >= offsets).any() and not _inner_radius(normals, offsets) > 0.0:
             raise InputError(
                 f"polygon of limit '{self.name}' leaves nothing inside its margin of {self._margin} m: "
                 f"{corners.tolist()}"
@@ -156,7 +156,7 @@ class CoMPolygonLimit(Barrier):
         return f"{type(self).__name__}('{self.name}', edges={np.isfinite(self._offsets).sum()})"
 
 
-def _room(normals: Array, offsets: Array) -> float:
+def _inner_radius(normals: Array, offsets: Array) -> float:
     """Return the radius of the largest circle between half-planes, m; negative if they leave no point."""
     from scipy.optimize import linprog  # noqa: PLC0415 - slow to import, and hardly ever needed
 

@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.core.limits.obstacles import Columns
+from wbc.core.limits.columns import Columns
 from wbc.core.limits.separation import following, round_radius
 
 KEPT = 2
@@ -51,7 +51,10 @@ Of the distance of their origins it is a share: of this distance, or of the smal
 """
 
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
-"""Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
+"""Numbers of a corner, or of nearest points, in the world.
+
+Distance, m; normal from the first shape to the second; its moment about the origin, m; point of the first shape, m.
+"""
 
 _Faces = tuple[pin.SE3, float, Array, Array]
 """Placement of the second shape of a pair against the first one for which corners were found, its change, and these.
@@ -106,16 +109,12 @@ class Facing:
         self._ask = [coal.ComputeDistance(self._point, shape) for shape in shapes]  # they keep no shape alive
         self._request, self._result = coal.DistanceRequest(True, True), coal.DistanceResult()
 
-    def corners(
-        self, pair: int, distance: float, normal: Array, nearest: Array, within: float, touching: bool
-    ) -> list[Corner]:
+    def corners(self, pair: int, nearest: Corner, within: float, touching: bool) -> list[Corner]:
         """Return the corners of a pair that are within a distance, m, but for its nearest point; nearest ones first.
 
         Args:
             pair: Number of the pair.
-            distance: Distance of the shapes, m.
-            normal: Common normal from the first shape to the second, shape (3,).
-            nearest: Nearest point of the first shape, shape (3,), m.
+            nearest: Its nearest points.
             within: Distance up to which corners count, m.
             touching: Whether the pair is so near that earlier nearest points count.
         """
@@ -125,15 +124,13 @@ class Facing:
             found = [*self._ends(sides[0][0], (one, other), 1.0, within)]
             found += self._ends(sides[1][0], (other, one), -1.0, within)
         else:
-            found = self._of_faces(pair, distance, normal, nearest, within)
+            found = self._of_faces(pair, nearest, within)
         if touching and self._grounds[pair] is None:
-            for points, ((item, target), side) in zip(
-                self._earlier(pair, normal, nearest, distance), sides, strict=True
-            ):
+            for points, ((item, target), side) in zip(self._earlier(pair, nearest), sides, strict=True):
                 found += self._corners(
                     [point.tolist() for point in points], item, side, self._nearest(points, target), within
                 )
-        x, y, z = nearest.tolist()
+        _, _, _, _, _, _, _, x, y, z = nearest
         far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
         return sorted(far)[:CORNERS]
 
@@ -157,18 +154,16 @@ class Facing:
                 mx, my, mz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
                 yield gap, nx, ny, nz, mx, my, mz, ex + away * nx, ey + away * ny, ez + away * nz
 
-    def _of_faces(
-        self, pair: int, distance: float, normal: Array, nearest: Array, within: float
-    ) -> list[Corner]:
+    def _of_faces(self, pair: int, nearest: Corner, within: float) -> list[Corner]:
         """Return the corners of the faces of a pair; see `corners`."""
-        first, second = self._pairs[pair]
+        (first, second), distance, normal = self._pairs[pair], nearest[0], np.array(nearest[1:4])
         one, other = self._data.oMg[first], self._data.oMg[second]
         faces, place = self._found[pair], one.actInv(other)
         if faces is None or not place.isApprox(faces[0], faces[1]):
             faces = self._found[pair] = self._find(pair, place, normal)
         _, _, points, others = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
-        height, slack = float(normal.dot(nearest)), within - distance
+        height, slack = float(normal.dot(nearest[7:])), within - distance
         points, ground = points.dot(one.rotation.T) + one.translation, self._grounds[pair]
         points = points[points.dot(normal) >= height - self._radii[first] - slack]
         if ground is not None:
@@ -196,22 +191,21 @@ class Facing:
         apart = float(np.linalg.norm(place.translation))
         return place, SLID * min(1.0, self._diameters[pair] / max(apart, SAME)), points, others
 
-    def _earlier(
-        self, pair: int, normal: Array, nearest: Array, distance: float
-    ) -> tuple[list[Array], list[Array]]:
+    def _earlier(self, pair: int, nearest: Corner) -> tuple[list[Array], list[Array]]:
         """Return the last nearest points of both shapes where they are no longer nearest, and keep the present ones."""
         found: tuple[list[Array], list[Array]] = ([], [])
+        distance, nx, ny, nz, _, _, _, px, py, pz = nearest
         for side, item, kept in zip((0, 1), self._pairs[pair], self._kept[pair], strict=True):
             place, radius = self._data.oMg[item], self._radii[item]
-            now = nearest + (distance + radius if side else -radius) * normal
-            x, y, z = now.tolist()
+            away = distance + radius if side else -radius
+            x, y, z = px + away * nx, py + away * ny, pz + away * nz
             for local in kept:
                 point = place.act(local)
                 a, b, c = point.tolist()
                 if abs(a - x) > MOVED or abs(b - y) > MOVED or abs(c - z) > MOVED:
                     found[side].append(point)
             if len(found[side]) == len(kept):
-                kept.append(place.actInv(now))
+                kept.append(place.actInv(np.array((x, y, z))))
                 del kept[:-KEPT]
         return found
 

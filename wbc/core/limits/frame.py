@@ -26,7 +26,7 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 
 _NONE = (0.0, 0.0, 0.0)
 
-_BACK = scalar(-RECOVERY)
+_LEAST = scalar(-RECOVERY)
 
 
 class FrameLimit(Barrier):
@@ -126,7 +126,8 @@ class FramePositionLimit(FrameLimit):
                     f"{what} of limit '{self.name}' must be numbers, got {shown(bound)}"
                 ) from None
         low, high = bounds
-        if low.shape != (self.dim,) or high.shape != (self.dim,) or not (low <= high).all():
+        shapes = low.shape == high.shape == (self.dim,)
+        if not (shapes and (low <= high).all() and (low < np.inf).all() and (high > -np.inf).all()):
             raise InputError(
                 f"limit '{self.name}' needs a lower and an upper bound for each of {self.dim} directions, the lower "
                 f"one not above the upper one, got {low} and {high}"
@@ -210,7 +211,7 @@ class FrameSpeedLimit(FrameLimit):
         return out
 
     def _least_accelerations(self, room: Array, out: Array) -> Array:
-        return _BACK
+        return _LEAST
 
     def _allowed_speeds(self, room: Array, out: Array) -> Array:
         return self._final_speeds(room, room, out)

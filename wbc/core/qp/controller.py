@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from time import perf_counter
 
 import numpy as np
 
 from wbc.base.checked import checked, fixed
-from wbc.base.errors import InputError, names_in, unknown_name
+from wbc.base.errors import InputError, names_in, shown, unknown_name
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
@@ -240,7 +241,14 @@ class Controller(Items):
         for name, wrench in wrenches.items():
             if name not in columns:
                 unknown_name("contact", name, columns)
-            x[columns[name]] = wrench
+            place = columns[name]
+            if np.shape(wrench) != (place.stop - place.start,):
+                raise InputError(
+                    f"wrench of contact '{name}' must have shape ({place.stop - place.start},), got {np.shape(wrench)}"
+                )
+            x[place] = wrench
+        if not math.isfinite(x.dot(x)):
+            raise InputError(f"wrenches of contacts must be finite, got {shown(wrenches)}")
         problem = self._assembly.problem
         return np.asarray(problem.torque_matrix.dot(x) + problem.torque_bias)
 
@@ -252,7 +260,7 @@ class Controller(Items):
         self._dirty = False
 
     def reset(self) -> None:
-        """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver.
+        """Reset tasks, contacts (places and force ramps), limits, torques of the last tick and guesses of the solver.
 
         The QP is made anew at once, where it has been solved or its items have changed, so that no tick has to.
         """
@@ -260,6 +268,8 @@ class Controller(Items):
             task.reset()
         for contact in self._contacts:
             contact.reset()
+        for limit in self._limits:
+            limit.reset()
         if self._dirty or self._solution is not None:
             self._rebuild()
         self._torques = self._solution = None

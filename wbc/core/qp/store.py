@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
 from wbc.base.vectors import largest
-from wbc.core.limits.base import ATTAINABLE, BACK, Attainable, Limit
+from wbc.core.limits.base import ATTAINABLE, BACK, Limit, demands
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import NONE, Block, Motion, RowNumbers
@@ -33,6 +33,9 @@ from wbc.core.robot import Robot
 
 NOTHING = np.zeros((0, 0))
 """Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
+
+SHARE = 0.9
+"""Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
 
 SELECTION = 2
 """Place of tasks on single coordinates among the kinds of tasks."""
@@ -325,3 +328,46 @@ class RowStore:
             if not (np.isfinite(target).all() and np.isfinite(block.jacobian).all()):
                 found[f"{'hard ' * task.hard}task '{task.name}'"] = float("nan")
         return found
+
+
+class Attainable:
+    """Demands of limits on many joints, cut off at what the intervals of single joints allow.
+
+    A row of a limit that is violated demands a motion. The joints may be too slow for it, or at their own bounds. Then
+    the row demands what they attain, so that it contradicts no interval of a joint.
+    """
+
+    def __init__(
+        self, rows: Array, lower: Array, upper: Array, joints: tuple[Array, Array] | None, fastest: float
+    ) -> None:
+        """Prepare for rows with bounds, and for intervals of the joints, if any; all are views that others fill.
+
+        Args:
+            rows: Rows of limits on many joints, shape (n, nv).
+            lower: Their lower bounds, shape (n,).
+            upper: Their upper bounds, shape (n,).
+            joints: Lower and upper bounds of each joint, shapes (na,); they belong to the last coordinates.
+            fastest: What a coordinate attains that has no bound.
+        """
+        self._rows, self._lower, self._upper = rows, lower, upper
+        self._bounds, self._fastest = joints, fastest
+        self._low, self._high = np.full(rows.shape[1], -fastest), np.full(rows.shape[1], fastest)
+
+    def cut(self) -> None:
+        """Cut the demands of all rows off; there is at least one row."""
+        lower, upper = self._lower, self._upper
+        # Where a joint must move, all rows may need all others.
+        moved = self._bounds is not None and demands(*self._bounds)
+        if not (moved or demands(lower, upper)):
+            return
+        low, high = self._low, self._high
+        if self._bounds is not None:
+            least, most = self._bounds
+            joints = slice(low.size - least.size, None)
+            low[joints] = np.where(np.isfinite(least), least, np.minimum(most, -self._fastest))
+            high[joints] = np.where(np.isfinite(most), most, np.maximum(least, self._fastest))
+        chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
+        rows = self._rows[chosen]
+        middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
+        lower[chosen] = np.minimum(lower[chosen], middle + reach)
+        upper[chosen] = np.maximum(upper[chosen], middle - reach)
