@@ -29,7 +29,9 @@ from wbc.walking import (
     WalkingControlSettings,
     climb_stairs,
     walk_distance,
+    walk_path,
 )
+from wbc.walking.assembly import planned_walk
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.feet import TURNED
 from wbc.walking.lipm.settings import WalkSettings
@@ -45,7 +47,6 @@ from wbc.walking.plans.sources import (
     next_steps,
 )
 from wbc.walking.source import Reference
-from wbc.walking.steps import planned_walk
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
@@ -432,6 +433,16 @@ def test_a_plan_is_walked_to_its_end_whatever_foot_begins_and_wherever_a_push_pu
     assert not answer.steps
     for foot, wanted in zip((now.start.left, now.start.right), plan.final, strict=True):
         assert math.hypot(foot.x - wanted.x, foot.y - wanted.y) < BESIDE * reach.max_length
+
+
+def test_a_plan_that_is_followed_again_begins_anew() -> None:
+    stage = Stage()
+    source = PlanSource(walk_path(stage.walk.phases.plan, [(0.0, 0.0, 0.0)] * 3))
+    for steps in (4, 8):
+        stage.follow(source)
+        assert not stage.walk.finished
+        stage.run(8.0)
+        assert (stage.walk.finished, stage.walk.steps_done, stage.source.reason) == (True, steps, "")
 
 
 def test_gait_for_a_speed() -> None:

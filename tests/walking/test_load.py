@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
@@ -171,6 +172,13 @@ def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
     if found:
         assert (load.place - load.middle) @ forward == pytest.approx(place, abs=0.03 * place)
     assert not load.changing or share not in (0.009, 0.02)
+
+
+def test_a_frame_holds_a_load_once() -> None:
+    robot = DESCRIPTION.robot()
+    for twice in (("left_hand", "left_hand"), ("left_hand", robot.frames["left_hand"])):
+        with pytest.raises(InputError, match="must be different frames"):
+            HeldLoad(robot, OutsideWrench(robot), LoadSettings(hands=twice))
 
 
 @pytest.mark.parametrize("hands", [(), ("left_hand",), ("right_hand",)])

@@ -26,11 +26,11 @@ from wbc.walking import (
     walk_distance,
     walk_velocity,
 )
+from wbc.walking.assembly import height_of
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Standing
 from wbc.walking.source import StandSource
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.steps import com_height
 
 DT = 0.002
 
@@ -417,9 +417,9 @@ def test_the_height_of_the_com_is_that_over_the_ground_on_which_the_robot_stands
 
 def test_a_source_without_a_height_has_that_of_the_robot_over_its_soles() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
-    height, q = com_height(robot, StandSource(robot)), np.array(robot.q)
+    height, q = height_of(robot, StandSource(robot)), np.array(robot.q)
     q[2] += 0.4
     robot.update(q, np.zeros(robot.nv))
-    assert com_height(robot, StandSource(robot)) == pytest.approx(height)
+    assert height_of(robot, StandSource(robot)) == pytest.approx(height)
     soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
     assert height == pytest.approx(float(robot.com[2]) - 0.5 * sum(soles))

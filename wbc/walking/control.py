@@ -42,6 +42,7 @@ from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.assembly import drive_of, height_of, source_of, tasks_of, tune
 from wbc.walking.balance import Balance
 from wbc.walking.body import STEPPING_TURN, UNTWISTED, Body
 from wbc.walking.contact import GaitPhase
@@ -55,7 +56,6 @@ from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.steps import com_height, drive_of, source_of, tasks_of, tune
 
 LONG_AGO = 9.0
 """Time since a landing that no step counts any more, s."""
@@ -137,7 +137,7 @@ class WalkingControl(SteeredControl):
         tune(self.drives, walk)
         self.tasks = tasks_of(controller, walk, s)
         self.arms = Arms(controller, s.arms, self.tasks)
-        height, estimate = com_height(robot, walk), observer.robot
+        height, estimate = height_of(robot, walk), observer.robot
         self._hands: Hands | None = None
         if robot.frames:
             box = walk.standing_box if isinstance(walk, SteppingWalk) else None

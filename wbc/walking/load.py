@@ -75,6 +75,8 @@ class HeldLoad:
             raise InputError(f"robot '{robot.name}' has no hands to hold a load with")
         roles = {**robot.frames, "torso": robot.torso_frame, "base": robot.base_frame}
         self.frames = tuple(roles.get(hand, hand) for hand in s.hands or robot.frames)
+        if len({*self.frames}) < len(self.frames):
+            raise InputError(f"hands of a load must be different frames, got {', '.join(self.frames)}")
         self._robot, self._hands = robot, [robot.frame_id(frame) for frame in self.frames]
         self._outside, self._places = outside, [robot.placement(hand) for hand in self._hands]
         self.mass = self.applied = 0.0

@@ -82,8 +82,7 @@ class SwingFoot:
         self.duration = duration
         self.landing, self.over = landing, over
         self._restart(start, (0.0, 0.0, shape.lift_speed))
-        self._plan_height(0.0)
-        self._plan_place(0.0, duration)
+        self._plan(0.0)
 
     def _restart(self, place: pin.SE3, velocity: Vector, push: Vector = (0.0, 0.0, 0.0)) -> None:
         """Begin at a place with a velocity, m/s, and an acceleration, m/s², and without turning."""
@@ -128,8 +127,7 @@ class SwingFoot:
             self._plan_place(time, max(duration, self.duration))
             return
         self.duration = max(duration, min(time + piece, self.duration))
-        self._plan_height(time)
-        self._plan_place(time, self.duration)
+        self._plan(time)
 
     def resume(self, time: float, place: pin.SE3) -> None:
         """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
@@ -150,8 +148,7 @@ class SwingFoot:
         x, y = _bounded(x, y, most)
         self._restart(place, velocity, (x, y, min(max(z, -lift), lift)))
         self.lifted = origin
-        self._plan_height(time)
-        self._plan_place(time, self.duration)
+        self._plan(time)
 
     def join(self, time: float, place: pin.SE3, velocity: Vector, ground: float, most: float) -> None:
         """Go on with a foot that has been in the air for a time, s, over a ground at a height, m; see `restart`."""
@@ -181,6 +178,11 @@ class SwingFoot:
     def heading(self, time: float) -> float:
         """Return the heading at a time from lift-off, s, rad."""
         return self._c["yaw"].at(time)[0]
+
+    def _plan(self, now: float) -> None:
+        """Plan the motion from now on: the height, which may put the touch-down off, and then the place."""
+        self._plan_height(now)
+        self._plan_place(now, self.duration)
 
     def _plan_place(self, now: float, end: float) -> None:
         """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""

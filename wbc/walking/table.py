@@ -6,7 +6,7 @@ robot, so that the same numbers walk robots of any size.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -94,30 +94,39 @@ def planned_table(
 
 # ---- free steps -----------------------------------------------------------------------------------------------------
 
+
+class Law(NamedTuple):
+    """Law of a task in units of the robot: its cost, its stiffness, ω², and its damping, ω."""
+
+    cost: float
+    stiffness: float
+    damping: float
+
+
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
 COM = 100.0
 """Cost of the CoM's height, on two feet of its place as well."""
 
-SWING, LIFT, SWING_TURN = 20.0, 120.0, (5.6, 24.5, 8.9)
-"""Cost of the swing foot's place and of its height; cost, stiffness, ω², and damping, ω, of its rotation. Where hips
-saturate the foot is to come late, not to rub: its height costs more."""
+SWING, LIFT, SWING_TURN = 20.0, 120.0, Law(5.6, 24.5, 8.9)
+"""Costs of the swing foot's place and of its height; law of its rotation. Where hips saturate the foot is to come late,
+not to rub: its height costs more."""
 
-PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
-"""Cost, stiffness, ω², and damping, ω, of the tilt of the pelvis; cost of its heading."""
+PELVIS, PELVIS_YAW = Law(8.3, 7.35, 5.45), 0.83
+"""Law of the tilt of the pelvis; cost of its heading."""
 
 TORSO, TORSO_YAW = 1.2, 0.003
 """Costs of tilt and heading of the torso, where it is not the pelvis, with the same gains: what hits a robot high folds
 its waist, and nothing else brings it upright again. As much as the pelvis it may not cost: hips that hold both have no
 torque left for the swing foot."""
 
-TWIST = 450.0, 2.0
+TWIST, TWIST_STIFFNESS = 450.0, 2.0
 """Cost and stiffness, ω², of the torso's heading while the waist turns it, by the joints of the waist alone."""
 
 SLACK = 0.03
 """Distance of the ceiling of the CoM above its height, h: steps over stones need no more."""
 
-POSTURE, LEG_JOINTS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
-"""The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
+POSTURE, LEG_COST, LEG_DAMPING = Law(1.39, 4.9, 3.96), 2.8e-3, 0.5
+"""Law of joints that are not in the legs; cost and damping, ω, of those of the legs, which have no stiffness."""
 
 REACHING = 0.03
 """Ratio of the cost of the posture for joints of an arm whose hand has a target, and the inverse of that by which a
@@ -138,12 +147,12 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
     feet = SteppingFeet(scale, law)
     swing: GainOptions = {
-        "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN[0] * turn] * 3]),
-        "stiffness": halves(law.swing_gains[0], SWING_TURN[1] * square),
-        "damping": halves(law.swing_gains[1], SWING_TURN[2] * omega),
+        "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN.cost * turn] * 3]),
+        "stiffness": halves(law.swing_gains[0], SWING_TURN.stiffness * square),
+        "damping": halves(law.swing_gains[1], SWING_TURN.damping * omega),
     }
-    tilt, yaw = PELVIS[0] * turn, PELVIS_YAW * turn
-    trunk: GainOptions = {"stiffness": PELVIS[1] * square, "damping": PELVIS[2] * omega}
+    tilt, yaw = PELVIS.cost * turn, PELVIS_YAW * turn
+    trunk: GainOptions = {"stiffness": PELVIS.stiffness * square, "damping": PELVIS.damping * omega}
     pelvis: GainOptions = {"weight": (tilt, tilt, yaw), **trunk}
     torso: GainOptions = {"weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn), **trunk}
     return TaskTable(
@@ -152,7 +161,7 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
         swing=swing,
         trunk=(pelvis, torso),
         posture=_free_posture(robot, gait.scale),
-        twist={"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square},
+        twist={"weight": TWIST * turn, "stiffness": TWIST_STIFFNESS * square},
         feet=feet,
         rise=RiseLimit(SLACK * scale.height),
         reaching=REACHING,
@@ -186,6 +195,6 @@ def _free_posture(robot: Robot, scale: RobotSize) -> PostureTask:
     values = cost * scale.height**2, stiffness * omega**2, damping * omega
     costs, gains, dampings = (np.full(robot.na, value) for value in values)
     legs = robot.leg_joints
-    costs[legs] *= LEG_JOINTS[0] / cost
-    gains[legs], dampings[legs] = 0.0, LEG_JOINTS[1] * omega
+    costs[legs] *= LEG_COST / cost
+    gains[legs], dampings[legs] = 0.0, LEG_DAMPING * omega
     return PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)

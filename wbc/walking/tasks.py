@@ -38,24 +38,31 @@ GAINS = ("stiffness", "damping")
 
 
 class TaskTable(NamedTuple):
-    """Tasks and contacts of planned or free steps, with their costs and gains; see `wbc.walking.table`."""
+    """Tasks and contacts of planned or free steps, with their costs and gains; see `wbc.walking.table`.
+
+    Attributes:
+        com: Task of the centre of mass.
+        contacts: Contacts of the left and of the right sole.
+        swing: Gains of the pose of a foot in the air.
+        trunk: Gains of the rotation of the pelvis, and of the torso where it is another link.
+        posture: Task of all joints.
+        twist: Gains of the torso's heading while the waist turns it; None where those of the trunk hold it.
+        feet: Feet of steps that balance the robot; None where a stabilizer balances it.
+        stabilized: Feet that a stabilizer loads; None where steps balance the robot.
+        rise: Limit of the centre of mass.
+        reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
+    """
 
     com: CoMTask
-    contacts: Sequence[SoleContact]  # of the left and of the right sole
-    swing: GainOptions  # of the pose of a foot in the air
-    trunk: tuple[
-        GainOptions, GainOptions
-    ]  # of the rotation of the pelvis, and of the torso where it is another link
-    posture: PostureTask  # of all joints
-    twist: GainOptions | None = (
-        None  # of the torso's heading while the waist turns it; None where the trunk's hold it
-    )
-    feet: SteppingFeet | None = None  # of steps that balance the robot; None where a stabilizer balances it
-    stabilized: StabilizedFeet | None = (
-        None  # feet that a stabilizer loads; None where steps balance the robot
-    )
-    rise: RiseLimit | None = None  # of the centre of mass
-    reaching: float = 1.0  # ratio of the cost of the posture for joints of an arm whose hand has a target
+    contacts: Sequence[SoleContact]
+    swing: GainOptions
+    trunk: tuple[GainOptions, GainOptions]
+    posture: PostureTask
+    twist: GainOptions | None = None
+    feet: SteppingFeet | None = None
+    stabilized: StabilizedFeet | None = None
+    rise: RiseLimit | None = None
+    reaching: float = 1.0
 
 
 class TrunkLink(NamedTuple):

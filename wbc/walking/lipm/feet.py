@@ -139,8 +139,7 @@ class PlannedFeet:
         )
         start = soles[1 - stance]
         self.swing = SwingFoot(start, landing, phases.duration, shape, ground.way(start, landing))
-        self._course.plan()
-        self.plan_swing()
+        self.replan()
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
@@ -150,8 +149,9 @@ class PlannedFeet:
         stance, reach = plan.stance(index), self._reach
         return lambda x, y: reach.allows(stance, replace(step, x=x, y=y))
 
-    def plan_swing(self) -> None:
-        """Keep the swing, if a foot swings, as it is planned now: adjustments are made against it."""
+    def replan(self) -> None:
+        """Plan the pendulum anew, and keep the swing, if a foot swings, as planned: adjustments are made against it."""
+        self._course.plan()
         phases, plan = self._phases, self._phases.plan
         if self.swing is not None:
             landing, stance = phases.landing, plan.stance(phases.step)

@@ -107,7 +107,7 @@ class PlanPhases:
         supports = schedule(self.plan, self.step, most)
         if self.phase is GaitPhase.STANDING:
             return supports
-        now, *later = supports[self.phase is GaitPhase.SINGLE :]
+        now, *later = supports[1:] if self.phase is GaitPhase.SINGLE else supports
         left = max(self.remaining, 1e-3)
         return (SupportPhase(left, now.feet, max(now.total, left)), *later)
 

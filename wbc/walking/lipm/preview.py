@@ -52,8 +52,7 @@ class PreviewSettings:
     """Settings of the preview controller.
 
     Attributes:
-        margin: Distance of the ZMP from the edge of the support, m; `LipmWalk` scales it down for a
-            small robot.
+        margin: Distance of the ZMP from the edge of the support, m; `LipmWalk` scales it down for a small robot.
         target: Reference of the ZMP under a stance foot.
     """
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
 from wbc.walking.plans.gait import Gait, StepGait, pace
-from wbc.walking.plans.planners import opens, steps_along
+from wbc.walking.plans.planners import Move, opens, sides, steps_along
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import AT_REST, DriveSettings, FootstepSource, Standing, Velocity, close_up
 from wbc.walking.steering import Steering
@@ -120,9 +120,8 @@ class SteeredSteps(FootstepSource):
             forward, left, turn = self._wish
             self.granted = self._share * forward, self._share * left, self._share * turn
             gait = Gait.at_speed(self.pace, now.start.gait)
-            cycle = gait.cycle
-            dx, dy, turn = (cycle * part for part in self.granted)
-            plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * STEERED))
+            steps = _steps(now.start, side, _move(self.granted, gait), STEERED)
+            plan = replace(now.start, gait=gait, steps=steps)
         self._way.aim = (now.begun, plan.steps[0]) if plan.steps else None
         return plan
 
@@ -144,11 +143,10 @@ class SteeredSteps(FootstepSource):
             self._stop = now.begun - now.swings  # the step that has begun is the first of two
         gait = Gait.at_speed(self.pace, now.start.gait)
         start = replace(now.start, gait=gait)
-        cycle = gait.cycle
-        dx, dy, turn = (0.5 * cycle * part for part in self.granted)
+        dx, dy, turn = _move(self.granted, gait, 0.5)
         last = now.begun - self._stop > 0 or math.hypot(2.0 * dx, 2.0 * dy) < STOPPING
         if now.first is not None and not last:
-            return replace(start, steps=_steps(start, now.first, [(dx, dy, turn)]))
+            return replace(start, steps=_steps(start, now.first, (dx, dy, turn)))
         self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
         return start if now.first is None else close_up(start, now.first)
 
@@ -195,13 +193,13 @@ class SteeredSteps(FootstepSource):
 
     def _strains(self, velocity: Velocity, gait: StepGait, share: float) -> bool:
         """True if steps with the ratio `share` of a velocity take more than hip and knee give in their time."""
-        dx, dy, _ = (share * gait.cycle * part for part in velocity)
+        dx, dy, _ = _move(velocity, gait, share)
         return self._reach.effort(gait, -dx, dx, 2.0 * dy) > 1.0
 
     def _within(self, velocity: Velocity, spacing: float, gait: StepGait, share: float) -> bool:
         """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""
         r, s = self._reach, self.settings.reach
-        dx, dy, turn = (share * gait.cycle * part for part in velocity)
+        dx, dy, turn = _move(velocity, gait, share)
         wider = s * (r.max_spacing - spacing)
         outer = LEADER_TURN * abs(turn)  # the inner foot may turn half as far, and does
         # Steps that are long and wide at once take more of the hip than each alone.
@@ -210,9 +208,8 @@ class SteeredSteps(FootstepSource):
             return False
         for side in SIDES:
             stance = Footstep(other(side), 0.0, 0.0)
-            (step,) = steps_along(
-                stance.middle(spacing), 0.0, spacing, side, [(dx, dy, turn)], _shares, close=False
-            )
+            move = _opened(side, (dx, dy, turn))
+            (step,) = steps_along(stance.middle(spacing), 0.0, spacing, side, [move], close=False)
             forward, left, _, _ = step.seen_from(stance)
             far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
             if far or r.overlap(stance, step):
@@ -220,13 +217,22 @@ class SteeredSteps(FootstepSource):
         return True
 
 
-def _shares(side: str, left: float, turn: float) -> tuple[float, float]:
-    return 2.0 * opens(side, left), LEADER_TURN if opens(side, turn) else 2.0 - LEADER_TURN
+def _opened(side: str, move: Move) -> Move:
+    """Return the motion of the middle in the step of a side, for a mean motion in a step."""
+    ahead, left, turn = move
+    share = LEADER_TURN if opens(side, turn) else 2.0 - LEADER_TURN
+    return ahead, 2.0 * left if opens(side, left) else 0.0, share * turn
 
 
-def _steps(
-    start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
-) -> tuple[Footstep, ...]:
-    """Steps from the foot that stands, and the one that closes up."""
+def _steps(start: FootstepPlan, side: str, move: Move, count: int = 1) -> tuple[Footstep, ...]:
+    """Return steps from the foot that stands, and the one that closes up."""
     stance = start.foot(other(side))
-    return steps_along(stance.middle(start.spacing), stance.z, start.spacing, side, moves, _shares)
+    moves = [_opened(each, move) for each in islice(sides(side), count)]
+    return steps_along(stance.middle(start.spacing), stance.z, start.spacing, side, moves)
+
+
+def _move(velocity: Velocity, gait: StepGait, share: float = 1.0) -> Move:
+    """Return the motion of the middle in a step with a ratio of a velocity."""
+    forward, left, turn = velocity
+    time = share * gait.cycle
+    return time * forward, time * left, time * turn

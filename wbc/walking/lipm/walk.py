@@ -63,24 +63,24 @@ class Planning:
         self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
         self._swung = False  # since the last plan: one is due on both feet
 
-    def hurry(self) -> None:
-        """Let the next tick be a time to plan, for another planner."""
-        self._next, self._swung = 0.0, True
+    def ask_at_once(self) -> None:
+        """Let the next tick be a time to plan, by a planner that has not been asked."""
+        self._next, self._swung, self._asked = 0.0, True, (None, None)
 
-    def keep(self, planner: FootstepSource) -> None:
-        """Keep planner and order as those of the last plan."""
+    def note(self, planner: FootstepSource) -> None:
+        """Note planner and order of the last plan."""
         self._asked = planner, planner.order
 
-    def has_asked(self, planner: FootstepSource) -> bool:
+    def is_noted(self, planner: FootstepSource) -> bool:
         """Return True if the last plan is that of a planner by its present order."""
         return self._asked == (planner, planner.order)
 
-    def begins(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
+    def start_if_due(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
         """Return True if it is time to plan, s, which then counts as done; on both feet it is once a foot has swung."""
         if phases.phase is not GaitPhase.SINGLE:
             due = self._swung or (time >= self._next and not isinstance(planner, PlanSource))
         else:
-            due = time >= self._next and not self.has_asked(planner) and not phases.comes_to_rest
+            due = time >= self._next and not self.is_noted(planner) and not phases.comes_to_rest
             self._swung |= not due
         if due:
             self._next, self._swung = time + REPLAN, False
@@ -142,7 +142,7 @@ class LipmWalk(ReferenceSource):
         self.time, self.steps_done = 0.0, 0
         self._pace = 0.0  # of the last plan, m/s
         self._planning = Planning()
-        self._begun: tuple[Event, ...] = ()  # events before the next update
+        self._started: tuple[Event, ...] = ()  # events before the next update
         self._loaded = 0.0  # time for which the swing foot has borne the load of a touch-down, s
         self.phases = PlanPhases(replace(plan, steps=(), gait=gait))
         middle = 0.5 * (plan.left.position + plan.right.position)
@@ -160,7 +160,7 @@ class LipmWalk(ReferenceSource):
     def finished(self) -> bool:
         """True when what a planner has asked for is walked and the robot stands."""
         planner = self.planner
-        return self.phases.rests and (planner is None or self._planning.has_asked(planner))
+        return self.phases.rests and (planner is None or self._planning.is_noted(planner))
 
     @property
     def granted(self) -> Velocity:
@@ -177,13 +177,13 @@ class LipmWalk(ReferenceSource):
             goes_on = isinstance(before, SteeredSteps) and self.steering.goal is None
             planner = before if goes_on else self._steered_steps()
         super().take(planner)
-        if planner is not before:
-            self._planning.hurry()
-            self.feet.drift.begin()
         climbs = False
         if isinstance(planner, PlanSource):
-            planner.check(self.reach, self.steering.extent)
+            planner.begin(self.reach, self.steering.extent)
             climbs = planner.plan.climbs
+        if planner is not before or isinstance(planner, PlanSource):
+            self._planning.ask_at_once()
+            self.feet.drift.begin()
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self.course.preview, self._adjuster = self._laws[climbs]
 
@@ -197,14 +197,14 @@ class LipmWalk(ReferenceSource):
     def plan_steps(self) -> None:
         """Plan the footsteps anew if it is time to."""
         planner, phases, drift = self.planner, self.phases, self.feet.drift
-        if planner is None or not self._planning.begins(planner, phases, self.time):
+        if planner is None or not self._planning.start_if_due(planner, phases, self.time):
             return
         feet = phases.plan.feet(phases.step + (phases.swing is not None))
         plan = self._ask(planner, drift.planner_feet(feet))
         if plan is not None:
             self._steer(drift.present_plan(plan))
             self._pace = planner.pace
-            self._planning.keep(planner)  # whose order may have ended with its answer
+            self._planning.note(planner)  # whose order may have ended with its answer
             return
         self.steering.command(None)  # the robot comes to a stand
         self.planner = stand = self._steered_steps()
@@ -236,9 +236,8 @@ class LipmWalk(ReferenceSource):
         steps = self.ground.settled(plan.steps, swings=phases.swing is not None)
         self.ground.height = 0.0
         if phases.steer(tuple(steps), plan.gait.full):
-            self._begun = (Event.STARTED,)
-        self.course.plan()
-        self.feet.plan_swing()
+            self._started = (Event.STARTED,)
+        self.feet.replan()
 
     # ---- phases -------------------------------------------------------------------------------------------------
 
@@ -318,8 +317,8 @@ class LipmWalk(ReferenceSource):
         phases.advance(self.dt)
         if phases.phase is not GaitPhase.STANDING:
             feet.drift.turn(turned)
-        events = self._begun + self._change_phase(loads, feet.places if soles is None else soles, measured)
-        self._begun = ()
+        events = self._started + self._change_phase(loads, feet.places if soles is None else soles, measured)
+        self._started = ()
         if events or (phases.overdue and course.since >= 0.5 * HOLD - ROUNDING):
             if course.since > 0.0:  # a swing that begins has planned already
                 course.plan()

@@ -170,7 +170,7 @@ class FootstepPlan:
                 )
 
     def __len__(self) -> int:
-        return len(self.steps)
+        return len(self.steps)  # a plan that only stands has none, and is a plan: ask for None, not for truth
 
     def foot(self, side: str) -> Footstep:
         """Return the place of a side's sole at the start."""
@@ -195,7 +195,7 @@ class FootstepPlan:
 
     @property
     def rise(self) -> float:
-        """Height of the first foot over the other one that lands `LEAST_STAIR` or more above or below it, m; else 0."""
+        """Height of the first stair, of `LEAST_STAIR` or more, m, negative downwards; 0 without one."""
         heights = [self.stance(0).z, *(step.z for step in self.steps)] if self.steps else []
         rises = (b - a for a, b in zip(heights, heights[1:], strict=False))
         return next((rise for rise in rises if abs(rise) >= LEAST_STAIR), 0.0)

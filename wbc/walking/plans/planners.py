@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import cycle, islice
 from typing import Annotated
 
 from pydantic import Field
@@ -20,8 +21,8 @@ from wbc.walking.plans.sources import checked_velocity
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""
 
-Shares = Callable[[str, float, float], tuple[float, float]]
-"""Ratios of a motion to the left, m, and of a turn, rad, that the step of a side takes."""
+Move = tuple[float, float, float]
+"""Motion of the middle between the feet in a step: forward (m), to the left (m), turn (rad)."""
 
 MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
@@ -70,11 +71,13 @@ def walk_velocity(
             f"velocity turns a foot by {2.0 * turn * duration:.2f} rad in a step of {duration:g} s; half a turn "
             f"is {math.pi / 2.0 / duration:.2f} rad/s, and the robot's reach is less"
         )
-    move = vx * duration, vy * duration, turn * duration
+    ahead, left, turn = vx * duration, vy * duration, turn * duration
     first = first or ("right" if (vy or turn) < 0.0 else "left")
-    return _path(
-        start, [move] * steps, first, lambda side, y, yaw: (2.0 * opens(side, y), 2.0 * opens(side, yaw))
-    )
+    moves = [
+        (ahead, 2.0 * left if opens(side, left) else 0.0, 2.0 * turn if opens(side, turn) else 0.0)
+        for side in islice(sides(first), steps)
+    ]
+    return _path(start, moves, first)
 
 
 @checked
@@ -98,9 +101,8 @@ def turn_in_place(
     if ahead > 0.0:  # the foot that goes aside: were the turn a step later, hands would pull at a cart
         leader = other(leader)
     # Each pair of steps turns by one opening, so that there is nothing left to close.
-    moves, shares = [(0.0, -ahead * turn, turn)] * (2 * pairs), (2.0, 2.0)
     return _path(
-        start, moves, leader, lambda side, _y, _yaw: shares if side == leader else (0.0, 0.0), close=False
+        start, [(0.0, -2.0 * ahead * turn, 2.0 * turn), (0.0, 0.0, 0.0)] * pairs, leader, close=False
     )
 
 
@@ -115,11 +117,11 @@ def walk_path(
         moves: Motion of the middle in each step: forward (m), to the left (m), turn (rad).
         first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
-    return _path(start, moves, _first_side(start, first), lambda _side, _y, _yaw: (1.0, 1.0))
+    return _path(start, moves, _first_side(start, first))
 
 
 def _path(
-    start: FootstepPlan, moves: Iterable[Sequence[float]], first: str, shares: Shares, *, close: bool = True
+    start: FootstepPlan, moves: Iterable[Sequence[float]], first: str, *, close: bool = True
 ) -> FootstepPlan:
     """Return the plan of steps beside a middle that moves from the middle of the feet at the start."""
     numbers = [finite_array("a move (m, m, rad)", move, (3,)).tolist() for move in moves]
@@ -128,7 +130,7 @@ def _path(
             raise InputError(f"turn of a move (rad) must be at most half a turn, {math.pi:.4g}, got {turn:g}")
     at = start.end
     z = 0.5 * (at.left.z + at.right.z)
-    steps = steps_along(at.middle, z, start.spacing, first, numbers, shares, close=close)
+    steps = steps_along(at.middle, z, start.spacing, first, numbers, close=close)
     return _after(start, replace(at, steps=steps))
 
 
@@ -150,20 +152,23 @@ def steps_along(
     spacing: float,
     first: str,
     moves: Iterable[Sequence[float]],
-    shares: Shares,
     *,
     close: bool = True,
 ) -> tuple[Footstep, ...]:
-    """Return steps beside a middle that moves (forward, left, m, turn, rad) by their shares, and one that closes up."""
+    """Return steps beside a middle that moves (forward, left, m, turn, rad), and one that closes up."""
     steps, side = [], first
     for dx, dy, turn in moves:
-        aside, turned = shares(side, dy, turn)
-        middle = moved(middle, dx, aside * dy, turned * turn)
+        middle = moved(middle, dx, dy, turn)
         steps.append(beside(middle, side, spacing, z))
         side = other(side)
     if close and steps:
         steps.append(beside(middle, side, spacing, z))
     return tuple(steps)
+
+
+def sides(first: str) -> Iterator[str]:
+    """Yield the sides that step, one after the other, without end."""
+    return cycle((first, other(first)))
 
 
 def opens(side: str, left: float) -> bool:
@@ -211,7 +216,8 @@ def climb_stairs(
             f"the feet must stand half a tread, {0.5 * tread:g} m, before the edge, got {first_edge:g} m"
         )
     steps: list[Footstep] = []
-    side = first = _first_side(start, first)
+    first = _first_side(start, first)
+    side = first
     if approach > 1e-6:
         plan = walk_distance(start.end, approach, first=first)
         steps.extend(plan.steps)

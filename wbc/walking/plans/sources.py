@@ -123,7 +123,7 @@ class PlanSource(FootstepSource):
     reach from there goes as far as it can, and a robot whose feet end beside their places takes further steps.
 
     An answer has `AHEAD` steps at most, of which the first two are checked from where the feet stand. A walk that takes
-    the plan checks all others once (`check`), because the check of a long plan takes longer than a tick.
+    the plan checks all others once (`begin`), because the check of a long plan takes longer than a tick.
 
     Attributes:
         plan: Plan; a step that a foot takes out of turn becomes a part of it.
@@ -133,14 +133,20 @@ class PlanSource(FootstepSource):
 
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
-        self.plan = plan
+        self.plan = self._given = plan
         self._climbs = plan.climbs
         self._gait = plan.gait.full.for_stairs() if self._climbs else plan.gait.full
         self._begun: int | None = None  # steps before the first one of the plan
         self._refusal: InputError | None = None
 
-    def check(self, reach: Reach, extent: Extent | None) -> None:
-        """Check all steps but the first two, which feet of the start take; the next answer refuses what fails."""
+    def begin(self, reach: Reach | None, extent: Extent | None) -> None:
+        """Begin anew, and check all steps but the first two, which feet of the start take.
+
+        The next answer refuses a plan that fails.
+        """
+        self.plan, self._begun, self._refusal = self._given, None, None
+        if reach is None:
+            return
         try:
             check_plan(self.plan, reach, extent, first=2)
         except InputError as error:

@@ -180,8 +180,8 @@ class SteppingWalk(ReferenceSource):
         """Take footsteps from a planner, from the next step on; None for those of the steering."""
         super().take(planner)
         self._idle, self._next = False, 0.0
-        if isinstance(planner, PlanSource) and self.reach is not None:
-            planner.check(self.reach, self._extent)
+        if isinstance(planner, PlanSource):
+            planner.begin(self.reach, self._extent)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 

@@ -121,7 +121,7 @@ def tasks_of(controller: Controller, source: ReferenceSource, settings: WalkingC
     return WalkTasks(controller, planned_table(robot, s.tasks, s.distribution, torque=s.mode != "position"))
 
 
-def com_height(robot: Robot, source: ReferenceSource) -> float:
+def height_of(robot: Robot, source: ReferenceSource) -> float:
     """Return the height of the CoM over the soles by a source of references, m; that of the robot where it has none."""
     if source.com_height is not None:
         return source.com_height
