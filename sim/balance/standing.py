@@ -17,7 +17,6 @@ from wbc.core.drive.control import DriveControl, Mode
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.falls import FallReason
-from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.sim.trial.trial import AnyTrial, Trial, TrialHook
@@ -167,7 +166,7 @@ class Sway(TrialHook):
         """See `TrialHook`."""
         truth = trial.plant.truth()
         self.com.append(truth.com)
-        self.zmp.append(centre_of_pressure(truth))
+        self.zmp.append(truth.centre_of_pressure[:2])
 
 
 @checked
@@ -198,16 +197,3 @@ def recovers(
         trial.advance(spec.seconds)
     speed = float(np.linalg.norm(trial.plant.truth().com_velocity[:2]))
     return not trial.fallen and speed < REST_SPEED
-
-
-def centre_of_pressure(truth: GroundTruth) -> Array:
-    """Return the horizontal centre of pressure of all contacts in the world, shape (2,), m; NaN in flight.
-
-    On level ground it is the zero-tilting moment point (Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004).
-    """
-    normal = truth.contact_force[:, 2]
-    total = normal.sum()
-    if total < 1.0:
-        return np.full(2, np.nan)
-    point: Array = normal @ truth.contact_position[:, :2] / total
-    return point

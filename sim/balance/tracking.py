@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wbc.base.checked import checked
+from wbc.base.files import file_of, stamped_file
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.core.conventions import rotation_of
@@ -19,7 +20,7 @@ from wbc.core.robot import GRAVITY
 from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
 from wbc.robots import load
 from wbc.sim.trial.falls import BodyLimits, FallSettings
-from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec, file_of, stamped_file
+from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.walking.control import WalkingControl
 
@@ -135,7 +136,7 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
         return min(self.source.tick + 1, len(self.source.motion) - 1)
 
     def true_fall(self) -> FallReason | None:
-        """Return why the robot is not where the clip has it; None if it is."""
+        """Return why the robot is not where the clip has it; None if it is. Heights are those over the clip's."""
         q = self.source.configurations[self.given]
         height = self.plant.com_height - float(self.source.motion[self.given].pendulum.com[2])
         return self.falls.reason(self.plant.truth().q[3:7], height, rotation_of(q[3:7])[2])

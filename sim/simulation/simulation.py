@@ -26,6 +26,7 @@ from wbc.robots import RobotDescription
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.pushes import Pushes
 from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, SensorVector
+from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 
 ANOTHER = "make another simulation"
 """Advice in place of an assignment to an attribute that a simulation is made of."""
@@ -68,6 +69,17 @@ class GroundTruth:
     def other_force(self) -> Array:
         """Force of the surroundings on all but the soles, in the world, shape (3,), N."""
         return np.asarray(self.contact_force[self.contact_sole < 0].sum(axis=0))
+
+    @property
+    def centre_of_pressure(self) -> Array:
+        """Mean of the contact points by their vertical forces, in the world, shape (3,), m; NaN for less than 1 N.
+
+        On level ground it is the zero-tilting moment point (Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004).
+        """
+        load = self.contact_force[:, 2]
+        if load.sum() < MIN_FORCE:
+            return np.full(3, np.nan)
+        return np.asarray(load @ self.contact_position / load.sum())
 
 
 class DelayLine:

@@ -35,12 +35,11 @@ from pydantic_core import from_json, to_jsonable_python
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts
-from wbc.base.files import decoding
+from wbc.base.files import STAMPED, decoding
 from wbc.base.numbers import plain
 from wbc.base.settings import to_json
 from wbc.sim.studies.outcomes import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.studies.provenance import code_of, provenance
-from wbc.sim.trial.spec import STAMPED
 
 PACKED = ".xz"
 """Ending of a compressed journal."""

@@ -5,20 +5,16 @@ The command line, files and journals of a trial are made from the fields of its 
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
-from wbc.base.files import decoding
+from wbc.base.errors import choose
 from wbc.base.html import html_table
 from wbc.base.registry import reading_data
 from wbc.base.settings import Seed, from_json, json_object, settings, to_json, units
@@ -36,9 +32,6 @@ from wbc.sim.trial.loops import PLANT, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
-
-STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
-"""Name of a file with the hash of its content, as specs have it: a spec stays one trial, also if the file changes."""
 
 DELAYS = ("measurement_delay", "command_delay")
 """Delays of a machine that its observer knows."""
@@ -254,29 +247,6 @@ def _is_plain(value: object) -> bool:
 def _short(value: object) -> str:
     """Return a value as text, floats with four digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def stamped_file(name: str, what: str, *endings: str) -> str:
-    """Return the name of a file with the hash of its content, and of that of files beside it with other endings.
-
-    Raises:
-        InputError: A file, a `what`, that cannot be read, or whose content is not that of a hash in the name.
-    """
-    given = STAMPED.fullmatch(name)
-    file, digest = given[1] if given else name, hashlib.sha256()
-    for each in (Path(file), *map(Path(file).with_suffix, endings)):
-        if each == Path(file) or each.is_file():
-            with decoding(each, what) as path:
-                digest.update(path.read_bytes())
-    found = digest.hexdigest()[:16]
-    if given and found != given[2]:
-        raise InputError(f"{file} has changed: its hash is {found}, the trial was specified with {given[2]}")
-    return f"{file}#{found}"
-
-
-def file_of(name: str) -> str:
-    """Return the file of a name with a hash."""
-    return name.rpartition("#")[0]
 
 
 def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.base.errors import InputError, shown
+from wbc.base.files import file_of, stamped_file
 from wbc.base.settings import Angle, Changes, NonNegative, Number, Seed, as_changes, settings
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
@@ -21,7 +22,7 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.spec import TrialSpec, file_of, stamped_file
+from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.base.errors import InputError, choose
+from wbc.base.files import file_of, stamped_file
 from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Changes, as_changes
 from wbc.feet import Foot
@@ -15,7 +16,6 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.trial.spec import file_of, stamped_file
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,

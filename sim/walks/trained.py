@@ -9,6 +9,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from wbc.base.errors import InputError
+from wbc.base.files import file_of, stamped_file
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
@@ -16,7 +17,6 @@ from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
 from wbc.policy.joints import policy_columns
-from wbc.sim.trial.spec import file_of, stamped_file
 from wbc.sim.walks.plan import STEP_TIME, WalkPlan
 
 SPEED, START = 0.3, 1.0

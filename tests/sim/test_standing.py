@@ -35,7 +35,6 @@ from wbc.sim.balance.standing import (
     StandResult,
     StandSpec,
     StandTrial,
-    centre_of_pressure,
     recovers,
     stand,
 )
@@ -90,13 +89,13 @@ def test_the_figures_of_a_stand_are_those_of_its_second_half() -> None:
     late, seen = com[20:, :2], zmp[[*range(20, 25), *range(26, 40)]]
     assert result.com_error == pytest.approx(np.sqrt((late**2).sum(axis=1)).max())
     assert result.zmp_noise == pytest.approx(np.hypot(*seen.std(axis=0)))
-    truth = SimpleNamespace(
-        contact_force=np.array([[5.0, 0.0, 30.0], [0.0, 1.0, 10.0]]),
-        contact_position=np.array([[0.1, 0.2, 0.0], [0.5, -0.2, 0.3]]),
+    force, place = (
+        np.array([[5.0, 0.0, 30.0], [0.0, 1.0, 10.0]]),
+        np.array([[0.1, 0.2, 0.0], [0.5, -0.2, 0.3]]),
     )
-    np.testing.assert_allclose(centre_of_pressure(truth), [0.2, 0.1])  # type: ignore[arg-type]
-    truth.contact_force *= 0.9 / 40.0
-    assert np.isnan(centre_of_pressure(truth)).all()  # type: ignore[arg-type]
+    truth = replace(trial.plant.truth(), contact_force=force, contact_position=place)
+    np.testing.assert_allclose(truth.centre_of_pressure, [0.2, 0.1, 0.075])
+    assert np.isnan(replace(truth, contact_force=0.9 / 40.0 * force).centre_of_pressure).all()
 
 
 def test_the_mode_of_a_stand_follows_from_robot_and_steps() -> None:

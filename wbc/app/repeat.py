@@ -14,9 +14,8 @@ import numpy as np
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
 from wbc.base.errors import InputError, shown
-from wbc.base.files import parsing
+from wbc.base.files import parsing, stamped_file
 from wbc.robots import load
-from wbc.sim.trial.spec import stamped_file
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
 from wbc.sim.walks.stiffness_policy import FILE
@@ -106,7 +105,7 @@ class RepeatWalk(TrialHook):
     def start(self, trial: WalkTrial) -> None:
         """See `TrialHook`."""
         self.controls = LiveControls(trial.plant, trial.control, repeat=self._changes)
-        self.after(trial)
+        self.after(trial)  # it may have ended before the first tick
 
     def tick(self, tick: TrialTick) -> None:
         """See `TrialHook`."""

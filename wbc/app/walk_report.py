@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.sim.trial.spec import file_of
+from wbc.base.files import file_of
 from wbc.sim.walks.result import Spread, WalkResult
 from wbc.sim.walks.spec import WalkSpec
 

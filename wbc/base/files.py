@@ -26,6 +26,10 @@ BESIDE = ".wbc-"
 """Beginning of the name of a file that is being written; one that is left over belongs to a killed program."""
 
 
+STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
+"""Name of a file with the hash of its content, as specs have it: a spec stays one trial, also if the file changes."""
+
+
 class FileError(WbcError):
     """A file that could not be written to its end, because the disk is full for example; an old one is unchanged."""
 
@@ -54,6 +58,29 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
         if found.st_size > largest:
             raise InputError(f"{_line(path)} has {found.st_size} bytes; a {kind} may have {largest} at most")
         yield Path(path)
+
+
+def stamped_file(name: str, what: str, *endings: str) -> str:
+    """Return the name of a file with the hash of its content, and of that of files beside it with other endings.
+
+    Raises:
+        InputError: A file, a `what`, that cannot be read, or whose content is not that of a hash in the name.
+    """
+    given = STAMPED.fullmatch(name)
+    file, digest = given[1] if given else name, hashlib.sha256()
+    for each in (Path(file), *map(Path(file).with_suffix, endings)):
+        if each == Path(file) or each.is_file():
+            with decoding(each, what) as path:
+                digest.update(path.read_bytes())
+    found = digest.hexdigest()[:16]
+    if given and found != given[2]:
+        raise InputError(f"{file} has changed: its hash is {found}, the trial was specified with {given[2]}")
+    return f"{file}#{found}"
+
+
+def file_of(name: str) -> str:
+    """Return the file of a name with a hash."""
+    return name.rpartition("#")[0]
 
 
 @contextlib.contextmanager

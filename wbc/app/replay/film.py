@@ -49,7 +49,7 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
 
 
 class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
-    """Renderer of stages with their marks; see `renderer`."""
+    """Renderer of stages with their marks, which moves the lamp of their model; see `renderer`."""
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Begin a picture of a size in pixels."""

@@ -94,8 +94,8 @@ class SimulatedStage:
         pushed = np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1) & robot.places.of_robot)
         forces += [Force("push", data.xipos[i].copy(), data.xfrc_applied[i, :3].copy()) for i in pushed]
         wrench = np.concatenate([force.sum(axis=0), np.cross(position, force).sum(axis=0)])
-        total = float(force[:, 2].sum())
-        level = float(force[:, 2] @ position[:, 2]) / total if total > 0.0 else self.floor
+        centre = truth.centre_of_pressure
+        level = self.floor if np.isnan(centre).any() else float(centre[2])
         reference = None if self._walking is None else self._walking.reference
         omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
         dcm = truth.com + truth.com_velocity / omega
