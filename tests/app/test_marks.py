@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -27,13 +28,10 @@ from wbc.app.view.marks import (
     SOFT_COLOUR,
     STIFF_COLOUR,
     Force,
-    Instant,
     Mark,
     Picture,
     Scale,
-    balance_marks,
     css,
-    draw,
     force_marks,
     ground_mark,
     legend,
@@ -84,7 +82,10 @@ def by_name(marks: list[Mark]) -> dict[str, Mark]:
 def test_points_of_balance_stand_where_they_are_and_their_shadow_on_the_ground() -> None:
     com, zmp, dcm = np.array([1.0, 2.0, 3.0]), np.array([1.1, 2.1, 0.3]), np.array([1.2, 2.2])
     area = np.array([(0.0, 0.0, 0.1), (1.0, 0.0, 0.2), (0.0, 1.0, 0.3), (0.2, 0.2, 0.4)])
-    marks = by_name(balance_marks(SCALE, com, zmp, dcm, 0.25, area))
+    picture = Picture(0.0)
+    picture.add_balance(SCALE, com, 0.25, zmp, dcm, area)
+    assert picture.points == {"ZMP": zmp, "DCM": dcm}
+    marks = by_name(picture.marks)
     assert set(marks) == {"com", "com shadow", "zmp", "dcm", "support"}
     assert marks["com"].points.tolist() == [[1.0, 2.0, 3.0]]
     assert marks["com shadow"].points.tolist() == [[1.0, 2.0, 0.25]]
@@ -101,27 +102,29 @@ def test_points_of_balance_stand_where_they_are_and_their_shadow_on_the_ground()
 def test_points_that_are_not_known_and_supports_without_an_area_are_not_drawn(unknown: Any) -> None:
     line = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
     for support in (None, line[:2], line):
-        marks = balance_marks(SCALE, np.ones(3), unknown, unknown, 0.0, support)
-        assert set(by_name(marks)) == {"com", "com shadow"}
+        picture = Picture(0.0)
+        picture.add_balance(SCALE, np.ones(3), 0.0, unknown, unknown, support)
+        assert set(by_name(picture.marks)) == {"com", "com shadow"} and not picture.points
 
 
 def test_a_picture_has_the_texts_and_marks_of_its_instant() -> None:
     own = Mark("own", "ball", np.zeros((1, 3)), RED)
-    now = Instant(2.0, np.array([1.0, 2.0, 3.0]), 0.0, forces=[Force("push", np.ones(3), np.ones(3))])
-    now.planned = {"ZMP": np.array([0.5, 0.0, 0.1]), "DCM": np.array([np.nan, 0.0, 0.0])}
-    now.marks, now.text = [own], ["more"]
-    now.soles, now.stiffness = [[4, 5], [7]], [STIFFEST, math.nan]
-    picture = draw(SCALE, now)
-    assert picture.time == 2.0 and picture.target is now.com
-    assert {*picture.points} == {"ZMP planned"} and picture.points["ZMP planned"] is now.planned["ZMP"]
-    assert set(by_name(picture.marks)) == {"com", "com shadow", "push force 0", "ZMP planned", "own"}
+    picture = Picture(2.0, [own], ["more"])
+    picture.add_balance(SCALE, np.array([1.0, 2.0, 3.0]), 0.0)
+    picture.add_planned(
+        SCALE, {"ZMP": (point := np.array([0.5, 0.0, 0.1])), "DCM": np.array([np.nan, 0.0, 0.0])}
+    )
+    picture.add_soles([[4, 5], [7]], [STIFFEST, math.nan])
+    assert {*picture.points} == {"ZMP planned"} and picture.points["ZMP planned"] is point
+    assert set(by_name(picture.marks)) == {"com", "com shadow", "ZMP planned", "own"}
     assert picture.text == ["more", f"soles {STIFFEST:.1f} and nan Nm/rad"]
-    assert picture.colours == {4: STIFF_COLOUR, 5: STIFF_COLOUR}
-    now.stiffness = [math.nan, math.nan]
-    now.target = np.array([9.0, 9.0, 9.0])
-    picture = draw(SCALE, now)
-    assert picture.target is now.target and not picture.colours
-    assert picture.text == ["more"]
+    assert picture.colours == {4: STIFF_COLOUR, 5: STIFF_COLOUR} and picture.lines == [
+        "2.00 s",
+        *picture.text,
+    ]
+    rigid = Picture(2.0)
+    rigid.add_soles([[4, 5], [7]], [math.nan, math.nan])
+    assert not rigid.colours and not rigid.text
 
 
 def test_of_a_walk_the_phase_is_told_the_foot_that_swings_and_the_steps_done() -> None:
@@ -459,7 +462,7 @@ def test_contacts_with_hardly_a_load_are_no_corners_and_a_robot_in_the_air_has_n
     def with_contacts(count: int, velocity: tuple[float, ...] = (0.0, 0.0, 0.0)) -> dict[str, Mark]:
         values = {"contact_position": places[:count], "contact_force": forces[:count]}
         values |= {"contact_sole": np.zeros(count, dtype=int), "com_velocity": np.array(velocity)}
-        changed = SimpleNamespace(**{name: getattr(truth, name) for name in ("com", "q", "v")} | values)
+        changed = replace(truth, **values)  # type: ignore[arg-type]
         monkeypatch.setattr(type(plant), "truth", lambda self: changed)
         return by_name(shown.picture().marks)
 
@@ -540,12 +543,11 @@ def test_planned_points_and_steps_lie_where_the_estimate_is_off(monkeypatch: pyt
     walking = walk_of(plant)
     shift = np.array([[0.5, -0.25, 0.1]])
     monkeypatch.setattr(walk_marks, "drift_of", lambda *_: Drift(np.zeros(1), np.zeros((1, 3)), shift))
-    marks = WalkMarks(plant, walking)
+    marks = WalkMarks(plant, walking, SCALE)
     walking.progress.upcoming = [Footstep("left", 0.1 * i, 0.05) for i in range(MAX_STEPS + 3)]
-    now = Instant(0.0, np.zeros(3), 0.0)
-    marks.add(now)
-    np.testing.assert_allclose(now.planned["ZMP"], [0.6, -0.05, 0.4])
-    np.testing.assert_allclose(now.planned["DCM"], [0.9, 0.25, 0.4])
+    marks.add(now := Picture(0.0))
+    np.testing.assert_allclose(now.points["ZMP planned"], [0.6, -0.05, 0.4])
+    np.testing.assert_allclose(now.points["DCM planned"], [0.9, 0.25, 0.4])
     assert now.text == ["double support, 0 steps done", Drift(np.zeros(1), shift, 0 * shift).text(0)]
     drawn = by_name(now.marks)
     assert sum(name.startswith("planned step") for name in drawn) == MAX_STEPS
@@ -555,13 +557,13 @@ def test_planned_points_and_steps_lie_where_the_estimate_is_off(monkeypatch: pyt
 def test_steps_that_were_done_stay_for_a_while_and_each_stance_has_its_own_area() -> None:
     plant = Plant(load("hrp4_class"))
     walking = walk_of(plant)
-    marks, progress = WalkMarks(plant, walking), walking.progress
+    marks, progress = WalkMarks(plant, walking, SCALE), walking.progress
     shown: dict[str, Mark] = {}
     for done in range(MAX_STEPS + 6):
         progress.steps_done, progress.upcoming = done, [Footstep("left", 0.1 * done, 0.05)]
         for side in ("left" if done % 2 else "right", None):
             progress.swing_side = side
-            marks.add(now := Instant(0.0, np.zeros(3), 0.0))
+            marks.add(now := Picture(0.0))
             shown = by_name(now.marks)
     steps = MAX_STEPS + 6
     planned = {int(name.split()[-1]) for name in shown if name.startswith("planned")}
@@ -577,10 +579,10 @@ def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often(ver
     plant = Plant(load("hrp4_class"))
     cells = [np.array([(0.0, 0.0, 0.1)])]
     ground = SimpleNamespace(version=version, map=SimpleNamespace(known=lambda: (cells[-1], None)))
-    marks = WalkMarks(plant, walk_of(plant, ground=ground))
+    marks = WalkMarks(plant, walk_of(plant, ground=ground), SCALE)
 
     def height(time: float) -> float | None:
-        marks.add(now := Instant(time, np.zeros(3), 0.0))
+        marks.add(now := Picture(time))
         found = by_name(now.marks).get("known ground")
         return None if found is None else round(float(found.points[0, 2]) - LIFT, 4)
 
@@ -600,12 +602,12 @@ def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often(ver
 def test_scans_are_kept_and_the_last_ones_are_drawn() -> None:
     plant = Plant(load("hrp4_class"))
     soles = SimpleNamespace(steps=[])
-    marks = WalkMarks(plant, walk_of(plant, stiffness=soles))
+    marks = WalkMarks(plant, walk_of(plant, stiffness=soles), SCALE)
     for number in range(MAX_STEPS + 2):
         profile = SimpleNamespace(points=np.full((3, 3), float(number)))
         soles.steps = [SimpleNamespace(profile=None if number == 1 else profile)]
         for _ in range(2):
-            marks.add(now := Instant(0.0, np.zeros(3), 0.0))
+            marks.add(now := Picture(0.0))
     scans = [name for name in by_name(now.marks) if name.startswith("scan")]
     assert scans == [f"scan {i}" for i in range(1, MAX_STEPS + 1)]
 
@@ -623,11 +625,12 @@ def test_the_force_on_the_hands_is_that_of_the_surroundings_with_the_weight_of_t
     force, place = outside_force(walking)
     assert force is not None and force == pytest.approx([1.0, 2.0, 3.0 - 2.0 * GRAVITY])
     assert place.tolist() == [0.3, 0.0, 1.0]
-    marks = WalkMarks(plant, walking)
-    marks.add(now := Instant(0.0, np.zeros(3), 0.0))
-    (arrow,) = now.forces
-    assert arrow.kind == "outside"
-    np.testing.assert_allclose(arrow.force, force, atol=0.1)  # turned by what the estimate is off
+    marks = WalkMarks(plant, walking, SCALE)
+    marks.add(now := Picture(0.0))
+    start, end = by_name(now.marks)["outside force 0"].points
+    np.testing.assert_allclose(
+        (end - start) * SCALE.weight / SCALE.height, force, atol=0.1
+    )  # turned by the drift
 
 
 def test_colours_of_what_is_measured_differ() -> None:

@@ -15,10 +15,9 @@ from wbc.app.log.stances import Stance, stances
 from wbc.app.log.truth import furniture_signals
 from wbc.app.view.marks import (
     Force,
-    Instant,
     Mark,
     Picture,
-    draw,
+    force_marks,
     ground_mark,
     planned_step,
     real_step,
@@ -139,27 +138,30 @@ class Replay:
         level = float(zmp[2]) if zmp is not None and np.isfinite(zmp[2]) else self.floor
         standing = [foot.corners for foot in self._stances if foot.start <= tick < foot.end]
         support = np.concatenate(standing) if standing else None
-        now = Instant(float(self.log.time[tick]), self._com[tick], level, zmp, dcm, support, forces)
-        now.planned = {name: points[tick] for name, points in self._planned.items()}
-        now.marks = [mark for start, end, mark in self._marks if start <= tick < end]
-        now.target = self.base_places[tick]
+        picture = Picture(float(self.log.time[tick]), target=self.base_places[tick])
+        picture.add_balance(self.scale, self._com[tick], level, zmp, dcm, support)
+        picture.marks += force_marks(self.scale, forces)
+        picture.add_planned(self.scale, {name: points[tick] for name, points in self._planned.items()})
+        picture.marks += [mark for start, end, mark in self._marks if start <= tick < end]
+        self._tell(picture, tick)
         if any(stage.soles):
-            now.soles = stage.soles
-            now.stiffness = [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
-        self._tell(now, tick)
-        return draw(self.scale, now)
+            picture.add_soles(
+                stage.soles, [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
+            )
+        return picture
 
-    def _tell(self, now: Instant, tick: int) -> None:
-        """Add to an instant what is said of its tick: program, phase, drift and last event."""
+    def _tell(self, picture: Picture, tick: int) -> None:
+        """Add to a picture what is said of its tick: program, phase, drift and last event."""
         told = {name: texts[tick] for name, texts in self._texts.items()}
         state, phase, side = map(told.get, ("program/state", "walk/phase", "step/side"))
         if state is not None:
-            now.text.append(str(state))
+            picture.text.append(str(state))
         if phase is not None:
-            now.text.append(walk_text(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick]))))
+            picture.text.append(walk_text(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick]))))
         if self._marks and "truth/com/x" in self.log:
-            now.text.append(self._drift.text(tick))
-        now.text += [text for time, text in self.log.events if now.time - EVENT_TIME <= time <= now.time][-1:]
+            picture.text.append(self._drift.text(tick))
+        now = picture.time
+        picture.text += [text for time, text in self.log.events if now - EVENT_TIME <= time <= now][-1:]
 
 
 def _planned(log: Log, drift: Drift) -> Iterator[tuple[str, Array]]:

@@ -1,14 +1,13 @@
 """Marks: everything that is drawn beside the model, as one list for each picture.
 
-Live views, replays and films draw the same picture, which `draw` makes from an `Instant`: the values of a run at one
-time, read from the run itself (`stage`, `walk_marks`) or from a row of its log (`wbc.app.replay.replay`). Pages and
-Rerun draw the triangles of a mark.
+Live views, replays and films draw the same `Picture`, which is made from the run itself (`stage`, `walk_marks`) or from
+a row of its log (`wbc.app.replay.replay`). Pages and Rerun draw the triangles of a mark.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -85,32 +84,6 @@ class Mark:
         return self.colour == other.colour and a.shape == b.shape and bool((np.abs(a - b) < NOTICED).all())
 
 
-@dataclass(eq=False)
-class Picture:
-    """Marks that a view draws beside the bodies of the model at an instant.
-
-    Attributes:
-        time: Time, s.
-        marks: Marks, with different names.
-        text: Lines of text.
-        target: Point that the camera follows, shape (3,), m.
-        colours: Colours of bodies that differ from the model's.
-        points: Balance points in the world, shape (2,) or (3,), m: "ZMP", "DCM", "ZMP planned", "DCM planned".
-    """
-
-    time: float
-    marks: list[Mark] = field(default_factory=list)
-    text: list[str] = field(default_factory=list)
-    target: Array = field(default_factory=lambda: np.zeros(3))
-    colours: dict[int, Colour] = field(default_factory=dict)
-    points: dict[str, Array] = field(default_factory=dict)
-
-    @property
-    def lines(self) -> list[str]:
-        """Time and text."""
-        return [f"{self.time:.2f} s", *self.text]
-
-
 class Force(NamedTuple):
     """A force: one of `FORCES`, point of attack (world, m) and force (world, N), both of shape (3,)."""
 
@@ -127,77 +100,70 @@ class Scale(NamedTuple):
 
 
 @dataclass(eq=False)
-class Instant:
-    """Values of a run at one time, from which its picture is drawn; points in the true world, m.
+class Picture:
+    """What is drawn beside the bodies of a model at one time, and written; points are in the true world, m.
 
     Attributes:
         time: Time, s.
-        com: Centre of mass, shape (3,).
-        level: Height of the ground under the robot, m.
-        zmp: ZMP, shape (3,); None or NaN without contact.
-        dcm: DCM, shape (2,) or (3,); None or NaN if unknown.
-        support: Points that bear the robot, shape (n, 3).
-        forces: Forces to draw.
-        planned: Planned points by their name, "ZMP" and "DCM", shape (3,).
-        marks: Marks of footsteps, scans and maps.
-        target: Point that the camera follows, shape (3,); the centre of mass when None.
-        soles: Bodies of each sole on hinges of variable stiffness.
-        stiffness: Stiffness of each of these soles, Nm/rad; NaN for none.
+        marks: Marks, with different names.
         text: Lines of text.
+        target: Point that the camera follows, shape (3,).
+        colours: Colours of bodies that differ from the model's.
+        points: Balance points that are known, shape (2,) or (3,): "ZMP", "DCM", "ZMP planned", "DCM planned".
     """
 
     time: float
-    com: Array
-    level: float
-    zmp: Array | None = None
-    dcm: Array | None = None
-    support: Array | None = None
-    forces: list[Force] = field(default_factory=list)
-    planned: dict[str, Array] = field(default_factory=dict)
     marks: list[Mark] = field(default_factory=list)
-    target: Array | None = None
-    soles: Sequence[Sequence[int]] = ()
-    stiffness: Sequence[float] = ()
     text: list[str] = field(default_factory=list)
+    target: Array = field(default_factory=lambda: np.zeros(3))
+    colours: dict[int, Colour] = field(default_factory=dict)
+    points: dict[str, Array] = field(default_factory=dict)
 
+    @property
+    def lines(self) -> list[str]:
+        """Time and text."""
+        return [f"{self.time:.2f} s", *self.text]
 
-def draw(scale: Scale, now: Instant) -> Picture:
-    """Return the picture of an instant."""
-    picture = Picture(now.time, target=now.com if now.target is None else now.target)
-    picture.marks += balance_marks(scale, now.com, now.zmp, now.dcm, now.level, now.support)
-    picture.marks += force_marks(scale, now.forces)
-    planned = {name: point for name, point in now.planned.items() if np.isfinite(point).all()}
-    picture.marks += [ring(name, PLANNED[name], point, scale) for name, point in planned.items()]
-    true = {"ZMP": now.zmp, "DCM": now.dcm}
-    picture.points = {name: point for name, point in true.items() if point is not None}
-    picture.points |= {f"{name} planned": point for name, point in planned.items()}
-    picture.marks += now.marks
-    picture.text += now.text
-    for bodies, value in zip(now.soles, now.stiffness, strict=True):
-        if math.isfinite(value):
-            picture.colours |= dict.fromkeys(bodies, stiffness_colour(value))
-    if picture.colours:
-        picture.text.append("soles " + " and ".join(f"{value:.1f}" for value in now.stiffness) + " Nm/rad")
-    return picture
+    def add_balance(
+        self,
+        scale: Scale,
+        com: Array,
+        level: float,
+        zmp: Array | None = None,
+        dcm: Array | None = None,
+        support: Array | None = None,
+    ) -> None:
+        """Add CoM with its shadow at a level (m), ZMP, DCM (x, y) and support, the hull of points of shape (n, 3)."""
+        size, shadow = POINT * scale.height, np.array([[com[0], com[1], level]])
+        self.marks += [
+            Mark("com", "ball", com[None], COM_COLOUR, size, "centre of mass and its shadow"),
+            Mark("com shadow", "ball", shadow, COM_COLOUR, 0.6 * size, "centre of mass and its shadow"),
+        ]
+        if zmp is not None and np.isfinite(zmp).all():
+            self.points["ZMP"] = zmp
+            self.marks.append(Mark("zmp", "ball", zmp[None], ZMP_COLOUR, size, "ZMP"))
+        if dcm is not None and np.isfinite(dcm).all():
+            self.points["DCM"] = dcm
+            place = np.array([[*dcm[:2], level + LIFT]])
+            self.marks.append(Mark("dcm", "ball", place, DCM_COLOUR, size, "DCM"))
+        if support is not None and len(corners := convex_hull(support[:, :2])) > 2:
+            area = np.column_stack([corners, np.full(len(corners), support[:, 2].mean() + LIFT)])
+            self.marks.append(Mark("support", "area", area, SUPPORT_COLOUR, meaning="support polygon"))
 
+    def add_planned(self, scale: Scale, planned: Mapping[str, Array]) -> None:
+        """Add rings of the planned points "ZMP" and "DCM", shape (3,), where they are known."""
+        for name, point in planned.items():
+            if np.isfinite(point).all():
+                self.marks.append(ring(name, PLANNED[name], point, scale))
+                self.points[f"{name} planned"] = point
 
-def balance_marks(
-    scale: Scale, com: Array, zmp: Array | None, dcm: Array | None, level: float, support: Array | None = None
-) -> list[Mark]:
-    """Return CoM with its shadow at a level (m), ZMP, DCM (x, y) and support, the hull of points of shape (n, 3)."""
-    size, shadow = POINT * scale.height, np.array([[com[0], com[1], level]])
-    marks = [
-        Mark("com", "ball", com[None], COM_COLOUR, size, "centre of mass and its shadow"),
-        Mark("com shadow", "ball", shadow, COM_COLOUR, 0.6 * size, "centre of mass and its shadow"),
-    ]
-    if zmp is not None and np.isfinite(zmp).all():
-        marks.append(Mark("zmp", "ball", zmp[None], ZMP_COLOUR, size, "ZMP"))
-    if dcm is not None and np.isfinite(dcm).all():
-        marks.append(Mark("dcm", "ball", np.array([[*dcm[:2], level + LIFT]]), DCM_COLOUR, size, "DCM"))
-    if support is not None and len(corners := convex_hull(support[:, :2])) > 2:
-        area = np.column_stack([corners, np.full(len(corners), support[:, 2].mean() + LIFT)])
-        marks.append(Mark("support", "area", area, SUPPORT_COLOUR, meaning="support polygon"))
-    return marks
+    def add_soles(self, soles: Sequence[Sequence[int]], stiffness: Sequence[float]) -> None:
+        """Add the colours of soles, the bodies of each, by their stiffness, Nm/rad; NaN where it is not known."""
+        for bodies, value in zip(soles, stiffness, strict=True):
+            if math.isfinite(value):
+                self.colours |= dict.fromkeys(bodies, stiffness_colour(value))
+        if self.colours:
+            self.text.append("soles " + " and ".join(f"{value:.1f}" for value in stiffness) + " Nm/rad")
 
 
 def force_marks(scale: Scale, forces: Sequence[Force]) -> list[Mark]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from wbc.app.drift import MIN_LOAD
-from wbc.app.view.marks import Force, Instant, Picture, Scale, draw, sole_force
+from wbc.app.view.marks import Force, Picture, Scale, force_marks, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
@@ -62,7 +62,7 @@ class SimulatedStage:
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
         self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
-        self._marks = None if walking is None else WalkMarks(robot, walking)
+        self._marks = None if walking is None else WalkMarks(robot, walking, self.scale)
         self.places, self.soles = robot.places, sole_bodies(robot)
         self._springs: list[int] = []
         if isinstance(robot, Plant) and all(self.soles):
@@ -100,13 +100,14 @@ class SimulatedStage:
         omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
         dcm = truth.com + truth.com_velocity / omega
         support = position[force[:, 2] > MIN_LOAD * self.scale.weight]
-        now = Instant(robot.time, truth.com, level, zmp_of(wrench, level), dcm, support, forces)
+        picture = Picture(robot.time, target=truth.com)
+        picture.add_balance(self.scale, truth.com, level, zmp_of(wrench, level), dcm, support)
+        picture.marks += force_marks(self.scale, forces)
         if self._marks is not None:
-            self._marks.add(now)
+            self._marks.add(picture)
         if self._springs:
-            now.soles = self.soles
-            now.stiffness = [float(self.model.jnt_stiffness[k]) for k in self._springs]
-        return draw(self.scale, now)
+            picture.add_soles(self.soles, [float(self.model.jnt_stiffness[k]) for k in self._springs])
+        return picture
 
 
 class DescribedStage:
@@ -159,8 +160,10 @@ class DescribedStage:
             for place, wrench in zip(places, read.sole_wrench, strict=True):
                 forces += sole_force(place.translation, place.rotation, wrench)
             level = min(float(place.translation[2]) for place in places)
-        zmp = zmp_of(total, level)
-        return draw(self.scale, Instant(self._time, np.array(robot.com), level, zmp, forces=forces))
+        picture = Picture(self._time, target=np.array(robot.com))
+        picture.add_balance(self.scale, picture.target, level, zmp_of(total, level))
+        picture.marks += force_marks(self.scale, forces)
+        return picture
 
 
 class ShownRun:

@@ -12,8 +12,10 @@ import numpy as np
 from wbc.app.drift import Drift, sole_corners
 from wbc.app.view.marks import (
     Force,
-    Instant,
     Mark,
+    Picture,
+    Scale,
+    force_marks,
     ground_mark,
     planned_step,
     real_step,
@@ -40,8 +42,8 @@ MAP_PERIOD = 0.5
 class WalkMarks:
     """Marks of a walk, in the true world; footsteps, scans and map are kept from picture to picture."""
 
-    def __init__(self, robot: MujocoRobot, walking: WalkingControl) -> None:
-        self._robot, self._walking = robot, walking
+    def __init__(self, robot: MujocoRobot, walking: WalkingControl, scale: Scale) -> None:
+        self._robot, self._walking, self._scale = robot, walking, scale
         feet = robot.feet if isinstance(robot, Plant) else ()
         self._sizes = [(s.length, s.width) for s in [f.fit.sole for f in feet] or robot.robot.soles]
         self._planned: dict[int, Mark] = {}
@@ -52,25 +54,25 @@ class WalkMarks:
         self._scanned: object = None  # last step of the scheduler that has been looked at
         self._map_version, self._map_time, self._map = -1, -math.inf, np.empty((0, 3))
 
-    def add(self, now: Instant) -> None:
-        """Add the walk to an instant: phase, plans, footsteps, scans, map, and the estimated force on the hands."""
+    def add(self, picture: Picture) -> None:
+        """Add the walk to a picture: phase, plans, footsteps, scans, map, and the estimated force on the hands."""
         walking = self._walking
         drift = drift_of(self._robot, walking)
-        self._add_footsteps(now, drift)
+        self._add_footsteps(picture, drift)
         if walking.reference is not None:
             pendulum = walking.reference.pendulum
             dcm = np.array([*pendulum.dcm[:2], pendulum.zmp[2]])
-            now.planned = {"ZMP": drift(pendulum.zmp, 0), "DCM": drift(dcm, 0)}
-        self._add_ground(now, drift)
+            picture.add_planned(self._scale, {"ZMP": drift(pendulum.zmp, 0), "DCM": drift(dcm, 0)})
+        self._add_ground(picture, drift)
         if (outside := outside_force(walking)) is not None:
             force, start = outside
             ends = drift(np.stack([start, start + force]), 0)
-            now.forces.append(Force("outside", ends[0], ends[1] - ends[0]))
+            picture.marks += force_marks(self._scale, [Force("outside", ends[0], ends[1] - ends[0])])
         progress = walking.progress
         phase = walk_text(progress.phase.value, progress.swing_side, progress.steps_done)
-        now.text += [phase, drift.text(0)]
+        picture.text += [phase, drift.text(0)]
 
-    def _add_footsteps(self, now: Instant, drift: Drift) -> None:
+    def _add_footsteps(self, picture: Picture, drift: Drift) -> None:
         """Add outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
         progress, soles = self._walking.progress, sole_poses(self._robot.places, self._robot.data)
         done = progress.steps_done
@@ -90,9 +92,9 @@ class WalkMarks:
             self._real[number] = real_step(number, side, sole_corners(size, pose[:3, 3], pose[:3, :3]))
         while len(self._real) > MAX_STEPS:
             del self._real[next(iter(self._real))]
-        now.marks += [*self._planned.values(), *self._real.values()]
+        picture.marks += [*self._planned.values(), *self._real.values()]
 
-    def _add_ground(self, now: Instant, drift: Drift) -> None:
+    def _add_ground(self, picture: Picture, drift: Drift) -> None:
         """Add what range sensors have scanned in each swing, and the cells of the ground that are known."""
         soles, ground = self._walking.stiffness, self._walking.ground
         if soles is not None and soles.steps and soles.steps[-1] is not self._scanned:
@@ -100,14 +102,14 @@ class WalkMarks:
             if profile is not None:
                 self._scans.append(scan_mark(self._scan, drift(profile.points, 0)))
                 self._scan += 1
-        now.marks += self._scans
+        picture.marks += self._scans
         if ground is None:
             return
-        if ground.version != self._map_version and not 0.0 <= now.time - self._map_time < MAP_PERIOD:
-            self._map_version, self._map_time = ground.version, now.time
+        if ground.version != self._map_version and not 0.0 <= picture.time - self._map_time < MAP_PERIOD:
+            self._map_version, self._map_time = ground.version, picture.time
             self._map = drift(ground.map.known()[0], 0)
         if len(self._map):
-            now.marks.append(ground_mark(self._map))
+            picture.marks.append(ground_mark(self._map))
 
 
 def outside_force(walking: WalkingControl) -> tuple[Array, Array] | None:
