@@ -210,10 +210,9 @@ class TrialResult:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            said = f", which is now '{self.RENAMED[name]}'" if name in self.RENAMED else ""
-            raise AttributeError(
-                f"{type(self).__name__} has no attribute '{name}'{said}", name=name, obj=self
-            )
+            said = f"; in its place: {self.RENAMED[name]}" if name in self.RENAMED else ""
+            said = f"{type(self).__name__} has no attribute '{name}'{said}"
+            raise AttributeError(said, name=name, obj=self)
 
     def record(self) -> dict[str, Any]:
         """Return all that follows from the spec, as plain values."""

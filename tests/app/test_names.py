@@ -27,6 +27,7 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
         ("wbc", "ComTask", "did you mean 'CoMTask'"),
         ("wbc", "FrameTask", "in its place: PoseTask, PositionTask or OrientationTask"),
         ("wbc", "solve_ik", "in its place: InverseKinematics"),
+        ("wbc", "WatchWalk", "in its place: MeshcatView, a hook of the walk"),
         ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
         ("wbc", "walk_distanc", "did you mean 'walk_distance'"),
         ("wbc.sim", "zzzzz", "module 'wbc.sim' has no attribute 'zzzzz'"),

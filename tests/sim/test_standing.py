@@ -372,7 +372,7 @@ def stood() -> StandResult:
 def test_a_former_name_of_a_figure_says_the_present_one() -> None:
     result = stood()
     for former, present in StandResult.RENAMED.items():
-        with pytest.raises(AttributeError, match=re.escape(f"'{former}', which is now '{present}'")):
+        with pytest.raises(AttributeError, match=re.escape(f"'{former}'; in its place: {present}")):
             getattr(result, former)
         path, value = present.partition(" ")[0].split("."), result
         for name in path:

@@ -91,8 +91,10 @@ IN_PLACE_OF = {
     "VelocityLimit": "JointLimits",
     "RobotWrapper": "Robot or load_robot",
     "solve_ik": "InverseKinematics",
+    "TrialLoop": "Simulation",
+    "WatchWalk": "MeshcatView, a hook of the walk",
 }
-"""Names of other libraries, with what takes their place here."""
+"""Names of other libraries, and former ones, with what takes their place."""
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
