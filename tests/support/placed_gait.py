@@ -53,7 +53,7 @@ def gait_on(
 
 def step_on(gait: SteppingWalk, stance: int) -> None:
     """Begin a step of 0.4 s on a foot that presses at the origin, with the DCM there."""
-    gait.felt.begin(GaitPhase.SINGLE, stance)
+    gait.felt._begin(GaitPhase.SINGLE, stance)
     gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
     gait.step.begin()
     gait.step.duration = 0.4

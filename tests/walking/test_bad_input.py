@@ -114,10 +114,11 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(box=(2.0, 0.1))),
         "box of SteppingConstants",
     ),
-    (
-        lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(touch=NAN)),
-        "touch of SteppingConstants",
-    ),
+    (lambda: SteppingConstants(touch=NAN), "touch must be a finite number"),
+    (lambda: SteppingConstants(brisk=0.0), "brisk"),
+    (lambda: SteppingConstants(most_force=-1.0), "most_force"),
+    (lambda: SteppingConstants(early=7.0), "early"),
+    (lambda: SteppingConstants(even=(0.03, 0.01)), "the second number of even"),
     (
         lambda: hands().press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)),
         "point for left_hand must be within",

@@ -15,7 +15,7 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import DriveSettings, Standing, VelocityLimits
 from wbc.walking.steering import Steering
-from wbc.walking.stepping.path import PathConstants, PathSteering
+from wbc.walking.stepping.path import PathSteering
 from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.002
@@ -178,7 +178,7 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
     settings: SteppingSettings,
 ) -> None:
     """T + held · (2 − v/cruise), at most 1, of the difference to the slow time."""
-    steering, own = steered(settings), in_si(PathConstants(), SIZE)
+    steering, own = steered(settings), CONSTANTS
     steering.command((0.2, 0.0, 0.0))
     longer = settings.slow_time - settings.step_time
     for held in (0.0, 0.4, 1.0):
@@ -243,7 +243,7 @@ def test_a_robot_leaves_a_ground_that_ends_before_it_can_stop(settings: Stepping
 def test_a_robot_beside_its_path_comes_back_to_it_at_a_speed_that_grows_with_the_distance(
     settings: SteppingSettings, yaw: float
 ) -> None:
-    own = in_si(PathConstants(), SIZE)
+    own = CONSTANTS
     for speed, aside in ((0.2, 0.01), (0.2, 5.0), (0.2, -5.0), (0.0, 0.01)):
         steering = steered(settings, yaw)
         steering.rest((1.0, -2.0))
@@ -260,7 +260,7 @@ def test_the_path_goes_along_with_a_robot_that_walks_to_the_side_and_lags_behind
     settings: SteppingSettings,
 ) -> None:
     """From 0.1 m beside it, by e^{−t/τ}, and with the velocity that is asked for."""
-    own, steering, yaw = in_si(PathConstants(), SIZE), steered(settings, 0.4), 0.4
+    own, steering, yaw = CONSTANTS, steered(settings, 0.4), 0.4
     steering.rest((1.0, -2.0))
     steering.velocity = 0.0, 0.05
     for tick in range(1, 301):
@@ -275,7 +275,7 @@ def test_the_path_goes_along_with_a_robot_that_walks_to_the_side_and_lags_behind
 
 def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSettings) -> None:
     steering, yaw = steered(settings), 0.7
-    start, own = (2.0, -3.0), in_si(PathConstants(), SIZE)
+    start, own = (2.0, -3.0), CONSTANTS
     steering.rest(start)
     x, y = turned((5.0, 0.0), yaw)
     steering.go_to(start[0] + x, start[1] + y, yaw)
@@ -293,7 +293,7 @@ def test_a_new_line_to_a_far_goal_is_begun_where_the_robot_has_come_far_off_the_
     settings: SteppingSettings, yaw: float
 ) -> None:
     """That is where the direction to the goal differs from that of the line by more than an angle."""
-    steering, own, start = steered(settings, yaw), in_si(PathConstants(), SIZE), (2.0, -3.0)
+    steering, own, start = steered(settings, yaw), CONSTANTS, (2.0, -3.0)
     x, y = turned((5.0, 0.0), yaw)
     steering.go_to(start[0] + x, start[1] + y, yaw)
     steering._wanted(start)
@@ -313,7 +313,7 @@ def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
     settings: SteppingSettings, yaw: float
 ) -> None:
     """The integral of the velocity that lacks, over its time constant, of quick steps over (T_slow/T)⁴ of it."""
-    own, steering = in_si(PathConstants(), SIZE), steered(settings, yaw)
+    own, steering = CONSTANTS, steered(settings, yaw)
     speed = turned((0.15, 0.3), yaw)
     for _ in range(100):
         steering._make_up((0.2, 9.0), speed, steering.fast_share)
@@ -349,7 +349,7 @@ def test_a_velocity_changes_no_faster_than_it_may_and_a_heading_turns_with_it(
 
 @pytest.mark.parametrize("off", [0.2, -0.5, 0.9, 3.0])
 def test_a_heading_stays_as_near_to_the_pelvis_as_it_may(settings: SteppingSettings, off: float) -> None:
-    steering, most = steered(settings, 3.0), in_si(PathConstants(), SIZE).turned
+    steering, most = steered(settings, 3.0), CONSTANTS.pelvis_turn
     steering.turn_with(3.0 + off)
     left = math.remainder(3.0 + off - steering.heading, math.tau)
     assert left == pytest.approx(off if abs(off) <= most else math.copysign(most, off))
@@ -359,7 +359,7 @@ def test_a_heading_stays_as_near_to_the_pelvis_as_it_may(settings: SteppingSetti
 def test_a_goal_is_dropped_within_its_distance_and_turn(
     settings: SteppingSettings, x: float, turn: float, *, there: bool
 ) -> None:
-    steering, own = steered(settings), in_si(PathConstants(), SIZE)
+    steering, own = steered(settings), CONSTANTS
     assert not steering.arrives((0.0, 0.0))
     steering.go_to(2.0 + x * own.arrived, 1.0, turn * own.arrived_turn)
     assert steering.arrives((2.0, 1.0)) == there

@@ -44,7 +44,7 @@ def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
         gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
     )
     for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
-        gait.felt.begin(phase, 1)
+        gait.felt._begin(phase, 1)
         gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
         carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
         for side in (0, 1):
@@ -100,7 +100,7 @@ def test_a_wrench_on_the_hands_moves_the_dcm_by_its_moment_about_the_contact_ove
 ) -> None:
     gait = gait_on(LEVEL, com=(0.02, 0.05, SCALE.height), speed=(0.1, -0.2, 0.0))
     felt = gait.felt
-    felt.begin(phase, 0)
+    felt._begin(phase, 0)
     felt.follow()
     alone, (x, y, z) = felt.dcm, felt.contact
     for force, place, off in (
@@ -121,7 +121,7 @@ def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_
     com, speed = np.array((0.03, 0.04, SCALE.height)), np.array((0.2, -0.1, 0.0))
     gait = gait_on(LEVEL, com=tuple(com), speed=tuple(speed))
     felt = gait.felt
-    felt.begin(GaitPhase.SINGLE, 0)
+    felt._begin(GaitPhase.SINGLE, 0)
     felt.state = felt.state._replace(hand_wrench=wrench)
     felt.follow()
     before, contact = felt.dcm, np.array(felt.contact)

@@ -61,7 +61,7 @@ def test_feet_of_a_walk_to_the_side_come_together_by_no_more_than_they_may(speed
 def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_its_share() -> None:
     gait = gait_on(LEVEL)
     for stands, swings in ((0, 1), (1, 0)):
-        gait.felt.begin(GaitPhase.SINGLE, stands)
+        gait.felt._begin(GaitPhase.SINGLE, stands)
         for elapsed, share in (
             (0.0, 2.0),
             (0.25 * CONSTANTS.unload, 1.5),
@@ -103,7 +103,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
     for share in (0.98, 1.02):
         for part in (0.0, 1.0):
             gait = gait_on(LEVEL)
-            gait.felt.begin(GaitPhase.SINGLE, stance)
+            gait.felt._begin(GaitPhase.SINGLE, stance)
             landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
             swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait.step._shape)
             place, speed = (np.array(each) for each in swing.motion(0.2))
@@ -128,7 +128,7 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
         frames = turn * LEVEL[0], turn * LEVEL[1]
         gait = gait_on(frames, tuple(turn.act(np.array([0.01, 0.0, 0.6])).tolist()), heading=heading)
-        gait.felt.begin(GaitPhase.DOUBLE, stance)
+        gait.felt._begin(GaitPhase.DOUBLE, stance)
         gait.felt._contact = POINT
         gait.felt.follow()
         gait.stand.shift(())
@@ -159,7 +159,7 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
 def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) -> None:
     """From then on the rest of the shift takes 1 + 2 d / w as long, and ends where it does on rigid ground."""
     gait, felt_at, direction = gait_on(LEVEL, (0.01, 0.0, 0.6)), 0.1, (1.0, 0.0)
-    gait.felt.begin(GaitPhase.DOUBLE, 1)
+    gait.felt._begin(GaitPhase.DOUBLE, 1)
     gait.felt._contact = POINT
     gait.felt.follow()
     stand, felt, ways = gait.stand, gait.felt, []
@@ -357,7 +357,7 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
 
 def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait = gait_on(LEVEL)
-    gait.felt.begin(GaitPhase.SINGLE, 1)
+    gait.felt._begin(GaitPhase.SINGLE, 1)
     ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
     gait.steering.supported = 1.0
     for planned, speed in ((ahead, 0.2 / CONSTANTS.plan_time), (ahead[:1], 0.0)):

@@ -253,7 +253,7 @@ def test_a_foot_is_kicked_away_where_it_is_fast_carries_nothing_and_the_other_on
 
 def test_a_contact_point_is_low_passed_and_the_dcm_on_both_feet_is_that_of_the_com_over_it() -> None:
     felt = feeling(loaded(300.0, 100.0))
-    felt.begin(GaitPhase.STANDING, 1)
+    felt._begin(GaitPhase.STANDING, 1)
     felt.follow()
     assert felt.contact == pytest.approx((0.0, 0.055, 0.0)), "by the shares of the load"
     state = felt.state._replace(wrenches=loaded(0.0, 400.0), velocity=(0.2, -0.1, 0.3))
@@ -267,7 +267,7 @@ def test_a_contact_point_is_low_passed_and_the_dcm_on_both_feet_is_that_of_the_c
     assert felt.dcm.omega == pytest.approx(math.sqrt(GRAVITY / (0.5 * SCALE.height))), (
         "half of the height at least"
     )
-    felt.begin(GaitPhase.SINGLE, 1)
+    felt._begin(GaitPhase.SINGLE, 1)
     felt.take(state, LEVEL)
     assert felt.contact == pytest.approx((0.0, -0.11, 0.0)), "on one foot it begins anew"
     assert felt.carrying_point(1) == pytest.approx((LAW.carrying, -0.11, 0.0))

@@ -123,21 +123,21 @@ class Felt:
         """Begin on both feet."""
         _, self._c, self._scale, self._dt = values
         self._gain = lag_gain(self._dt, self._c.cop_lag)
-        self.begin(GaitPhase.STANDING, 1)
+        self._begin(GaitPhase.STANDING, 1)
 
-    def begin(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
-        """Feel anew in a phase: about the contact of the foot that stands, or of both feet.
-
-        Soles carry at their centres in a stand, and at their carrying points as soon as the robot walks.
-        """
+    def _begin(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
         self.phase, self.stance, self.swing, self.elapsed = phase, stance, 1 - stance, elapsed
         self._contact: Vector | None = None
         self._alone = phase is GaitPhase.SINGLE
         self._ahead = 0.0 if phase is GaitPhase.STANDING else self._c.carrying
 
     def enter(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
-        """Go on from this tick on in another phase, in which a time, s, is over already; see `begin`."""
-        self.begin(phase, stance, elapsed)
+        """Go on from this tick on in another phase, in which a time, s, is over already.
+
+        The robot is felt anew: about the contact of the foot that stands, or of both feet. Soles carry at their centres
+        in a stand, and at their carrying points as soon as the robot walks.
+        """
+        self._begin(phase, stance, elapsed)
         self.follow()
 
     @property

@@ -97,9 +97,8 @@ class SteppingWalk(ReferenceSource):
         self._values = GaitValues(settings.in_si(scale), in_si(constants, scale), scale, dt)
         self.settings, self.constants, self.scale, self.dt = self._values
         self.com_height, self.reach, self._extent = scale.height, reach, extent
-        self.ground = GroundEstimate(self.constants.ground_share, 0.0, scale.leg / 3.0)
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
-        self.felt = Felt(self._values)
+        self.ground = GroundEstimate(self.constants.ground_share, 0.0, scale.leg / 3.0)
         self.begin(heading)
 
     @staticmethod
@@ -129,7 +128,7 @@ class SteppingWalk(ReferenceSource):
         its velocity. Of two feet on the ground the one that has landed a moment ago carries, and the other one swings;
         the robot stands if both have stood for longer.
         """
-        values, felt = self._values, self.felt
+        values, self.felt = self._values, Felt(self._values)
         self.time, self.steps_done, self.missed = 0.0, 0, 0.0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
@@ -138,9 +137,8 @@ class SteppingWalk(ReferenceSource):
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
         self.height = HeightCourse(self.scale, self.dt)
-        felt.begin(GaitPhase.STANDING, 1)
-        self.stand = DoubleSupport(values, felt)
-        self.step = SingleSupport(values, felt, self.ground)
+        self.stand = DoubleSupport(values, self.felt)
+        self.step = SingleSupport(values, self.felt, self.ground)
         supported = min(self.step.decision.area.widest / self.constants.slow_width, 1.0)
         self.steering = PathSteering(values, heading, self._extent, supported)
         self._reader: BodyReader | None = None

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, along
@@ -13,28 +12,7 @@ from wbc.walking.plans.reach import Extent
 from wbc.walking.plans.sources import AT_REST, Velocity, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.law import SIDEWAYS, Pace
-from wbc.walking.stepping.settings import GaitValues, in_si
-
-
-@dataclass(frozen=True, slots=True)
-class PathConstants:
-    """Constants of the steering of free steps, in units of the robot."""
-
-    near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
-    # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
-    astray: Annotated[float, "rad"] = 0.8
-    goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
-    arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
-    arrived_turn: Annotated[float, "rad"] = 0.15
-    # From which on steps become quick: headings turn as a foot stands.
-    slow_turn: Annotated[float, "ω"] = 0.05
-    path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
-    speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
-    # Greatest one: where feet carry is known to centimetres; twice if fast.
-    speed_bias: Annotated[float, "hω"] = 0.08
-    drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
-    drift_speed: Annotated[float, "hω"] = 0.041
-    turned: Annotated[float, "rad"] = 0.35  # of the pelvis from the heading, at most: a push may turn it
+from wbc.walking.stepping.settings import GaitValues
 
 
 class StepVelocity(NamedTuple):
@@ -65,8 +43,7 @@ class PathSteering(Steering):
     ) -> None:
         """Stand with a heading, rad, on a ground of an extent, m, on soles that are `supported` so far."""
         settings, constants, scale, dt = values
-        self._sole, self._plan_time, self._held_gain = scale.sole, constants.plan_time, constants.held_gain
-        self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
+        self._s, self._c, self._sole, self._dt = settings, constants, scale.sole, dt
         self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._c.path_lag)
         self.turn_to(heading)
@@ -93,7 +70,7 @@ class PathSteering(Steering):
         if stair < 0.0:
             return self._pace.time(self.velocity[0], s.slow_time)
         supported = 1.0 if stair else self.supported
-        slow = s.step_time + supported * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
+        slow = s.step_time + supported * max(min(self._c.plan_time, s.slow_time) - s.step_time, 0.0)
         return self._pace.time(self.velocity[0], slow)
 
     @property
@@ -115,7 +92,7 @@ class PathSteering(Steering):
 
     def land(self, supported: float) -> None:
         """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
-        less, more = self._held_gain
+        less, more = self._c.held_gain
         self.supported += (less if supported < self.supported else more) * (supported - self.supported)
 
     def follow(self, velocity: Point, heading: float) -> None:
@@ -134,8 +111,8 @@ class PathSteering(Steering):
         Feet that held on to the heading would cross beneath it.
         """
         off = math.remainder(heading - self.heading, math.tau)
-        if abs(off) > self._c.turned:
-            self.turn_to(self.heading + off - math.copysign(self._c.turned, off))
+        if abs(off) > self._c.pelvis_turn:
+            self.turn_to(self.heading + off - math.copysign(self._c.pelvis_turn, off))
 
     def arrives(self, place: Point) -> bool:
         """Return True, and drop the goal, if it is reached at a place, m."""

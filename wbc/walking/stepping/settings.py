@@ -14,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import finite_array
-from wbc.base.settings import NonNegative, Positive, in_units, settings
-from wbc.base.vectors import Point
+from wbc.base.settings import NonNegative, Number, Positive, Ratio, Share, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.gait import SwingShape
 from wbc.walking.plans.reach import SPANS, Leg
+
+Pair = tuple[NonNegative, NonNegative]
 
 APART = 1.25
 """Least distance between the feet without disturbances, over that of soles a gap apart."""
@@ -78,173 +78,203 @@ class RobotSize:
         )
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@settings
 class SteppingConstants:
     """Constants of the law, in units of the robot; docs/measured_walks.md has what parts of it are worth."""
 
     # ---- Time and place of a step.
     # Velocity about which steps begin to take longer, because longer steps need more time; velocity from which on they
     # take as little time as the torque of the hips lets them.
-    brisk: Annotated[float, "hω"] = 0.23
-    quick: Annotated[float, "hω"] = 0.21
+    brisk: Annotated[Positive, "hω"] = 0.23
+    quick: Annotated[Positive, "hω"] = 0.21
     # Time T of a step along footsteps on soles that are supported across their width.
-    plan_time: Annotated[float, "1/ω"] = 2.2
+    plan_time: Annotated[NonNegative, "1/ω"] = 2.2
     # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
-    time_lag: Annotated[float, "1/ω"] = 0.111
+    time_lag: Annotated[NonNegative, "1/ω"] = 0.111
     # Greatest time of a step when it begins, over the nominal time.
-    later: float = 1.15
+    later: NonNegative = 1.15
     # Distance of the DCM past the outer CoP bound from which on the step ends as soon as it can.
-    outer_cop: Annotated[float, "h"] = 0.008
+    outer_cop: Annotated[NonNegative, "h"] = 0.008
     # Distance of ξ ahead of its orbit that ends a step which would otherwise wait for ξ aside.
-    stretch: Annotated[float, "h"] = 0.09
+    stretch: Annotated[NonNegative, "h"] = 0.09
     # Weight of the last step in the mean time of steps.
-    pace_gain: float = 0.2
+    pace_gain: Share = 0.2
     # ---- Contact of the foot that stands.
     # Carrying point, ahead of the centre of the sole: between centre and ankle either of them can hold a moment.
-    carrying: Annotated[float, "ankle"] = 0.57
+    carrying: Annotated[Number, "ankle"] = 0.57
     # Low-pass of the measured centre of pressure: force sensors ring at impacts.
-    cop_lag: Annotated[float, "1/ω"] = 0.081
+    cop_lag: Annotated[NonNegative, "1/ω"] = 0.081
     # Size of the box of the centre of pressure about the commanded one: one stone gives no moment.
-    box: Annotated[Point, "sole"] = (0.035, 0.067)
+    box: Annotated[Pair, "sole"] = (0.035, 0.067)
     # The same on both feet: what a sole holds on stones.
-    standing_box: Annotated[Point, "sole"] = (0.59, 0.67)
+    standing_box: Annotated[Pair, "sole"] = (0.59, 0.67)
     # ---- Supported area of the foot that stands, and the centre of pressure in it.
     # Distance of the greatest area from the edges of the sole.
-    margin: Annotated[float, "h"] = 0.026
+    margin: Annotated[NonNegative, "h"] = 0.026
     # Half width of a sole whose area counts for nothing on rough ground, and of one whose area counts in full.
-    trusted: Annotated[Point, "h"] = (0.045, 0.065)
+    trusted: Annotated[Pair, "h"] = (0.045, 0.065)
     # Height between the feet up to which the ground counts as level, and from which on as rough.
-    even: Annotated[Point, "h"] = (0.01, 0.03)
+    even: Annotated[Pair, "h"] = (0.01, 0.03)
     # Growth of each edge on rough ground: the whole sole within a step.
-    area_growth: Annotated[float, "hω"] = 0.09
+    area_growth: Annotated[NonNegative, "hω"] = 0.09
     # The part of the growth that level ground adds, over that on rough ground.
-    level_growth: float = 4.0
+    level_growth: NonNegative = 4.0
     # Distance of the edge of an area from the measured centre of pressure, where the foot turns over this edge.
-    inside: Annotated[float, "h"] = 0.0064
+    inside: Annotated[NonNegative, "h"] = 0.0064
     # Greatest rate of a foot that stands; least rate of a foot that turns over an edge; low-pass of both rates.
-    still: Annotated[float, "ω"] = 0.07
-    turning: Annotated[float, "ω"] = 0.14
-    spin_lag: Annotated[float, "1/ω"] = 0.044
+    still: Annotated[NonNegative, "ω"] = 0.07
+    turning: Annotated[NonNegative, "ω"] = 0.14
+    spin_lag: Annotated[NonNegative, "1/ω"] = 0.044
     # Normal force from which on the centre of pressure shows where a foot holds.
-    carries: Annotated[float, "mg"] = 0.3
+    carries: Annotated[NonNegative, "mg"] = 0.3
     # Greatest speed of the commanded centre of pressure: moments do not jump.
-    cop_speed: Annotated[float, "hω"] = 0.36
+    cop_speed: Annotated[NonNegative, "hω"] = 0.36
     # Greatest difference of measured and commanded centre of pressure that counts.
-    cop_error: Annotated[float, "h"] = 0.038
+    cop_error: Annotated[NonNegative, "h"] = 0.038
     # Part of the half sole that the next foot is expected to hold: stones hold less than all.
-    next_area: float = 0.3
+    next_area: Share = 0.3
     # Part of the next sole that holds what a landing along footsteps leaves: its area has to grow first.
-    caught: float = 0.7
+    caught: Share = 0.7
     # Period of the program.
-    period: Annotated[float, "1/ω"] = 0.021
+    period: Annotated[NonNegative, "1/ω"] = 0.021
     # Half of the supported width in the last steps from which on steps are slow.
-    slow_width: Annotated[float, "h"] = 0.04
+    slow_width: Annotated[Positive, "h"] = 0.04
     # Weight of the last step in this width, where it is less and where it is more.
-    held_gain: Point = (0.8, 0.3)
+    held_gain: tuple[Share, Share] = (0.8, 0.3)
     # ---- The foot that has landed takes over.
     # Offset of ξ over that of the orbit up to which the next step is long enough.
-    patience: float = 1.5
+    patience: Positive = 1.5
     # The same along footsteps: a step that begins early leaves ξ behind its plan and outside of it.
-    patience_of_plans: float = 1.0
-    # Time ahead for which waiting is judged, 1/ω.
-    wait: float = 0.2
+    patience_of_plans: Positive = 1.0
+    # Time ahead for which waiting is judged, in 1/ω, which stays its unit.
+    wait: NonNegative = 0.2
     # Greatest force of a foot that waits: more would move the contact point.
-    share: Annotated[float, "mg"] = 0.3
+    share: Annotated[NonNegative, "mg"] = 0.3
     # Time in which the foot that has carried gives up its load.
-    unload: Annotated[float, "1/ω"] = 0.20
+    unload: Annotated[NonNegative, "1/ω"] = 0.20
     # Greatest force of a foot: with twice the weight robots jump to gain yaw moment.
-    most_force: Annotated[float, "mg"] = 1.4
+    most_force: Annotated[NonNegative, "mg"] = 1.4
     # Force from which on a foot is in contact, and the least one of both feet together.
-    least_force: Annotated[float, "mg"] = 0.061
+    least_force: Annotated[NonNegative, "mg"] = 0.061
     # Least force of a foot that carries alone. Where ξ is far aside a force up has a moment about the CoM, and the QP
     # would rather give up the force than let the trunk turn; but a trunk comes upright again, and a fall does not.
-    carried: Annotated[float, "mg"] = 0.5
+    carried: Annotated[NonNegative, "mg"] = 0.5
     # ---- Swing, over the time of the step.
-    apex: float = 0.42
+    apex: Share = 0.42
     # Time at which the foot meets the expected ground: a foot that comes late fells robots.
-    touch: float = 0.88
+    touch: Ratio = 0.88
     # The same in a walk of twice the velocity `quick`, whose long steps need the time.
-    late_touch: float = 0.95
+    late_touch: Ratio = 0.95
     # The same along footsteps.
-    touch_of_plans: float = 0.92
+    touch_of_plans: Ratio = 0.92
     # Time at which the sole is level: one that is still tilted rubs at edges.
-    level: float = 0.3
+    level: Share = 0.3
     # Greatest acceleration over the ground: a long step takes its time.
-    swing_push: Annotated[float, "g"] = 6.5
+    swing_push: Annotated[NonNegative, "g"] = 6.5
     # Stiffness and damping of the task of the swing foot's place.
-    swing_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (30.6, 9.9)
+    swing_gains: tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]] = (30.6, 9.9)
     # Distance of a landing from the one that was asked for, from which on the swing foot goes before the trunk, and at
     # which it does so in full.
-    urgent: Annotated[Point, "h"] = (0.2, 0.5)
-    lift_speed: Annotated[float, "hω"] = 0.206
+    urgent: Annotated[Pair, "h"] = (0.2, 0.5)
+    lift_speed: Annotated[NonNegative, "hω"] = 0.206
     # Greatest acceleration upwards: hips lack torque for more in a short step.
-    lift: Annotated[float, "g"] = 4.0
+    lift: Annotated[Positive, "g"] = 4.0
     # Speed of a landing: soft on level ground, quicker by `landing_gain` for each height between the feet in the last
     # steps, and at most as the third one says.
-    landing_speed: Annotated[float, "hω"] = 0.103
-    landing_gain: Annotated[float, "ω"] = 4.3
-    hardest: Annotated[float, "hω"] = 0.25
+    landing_speed: Annotated[NonNegative, "hω"] = 0.103
+    landing_gain: Annotated[NonNegative, "ω"] = 4.3
+    hardest: Annotated[NonNegative, "hω"] = 0.25
     # Depth of the search for the ground, at which a leg is still not straight, and its time.
-    search: Annotated[float, "h"] = 0.20
-    search_time: Annotated[float, "1/ω"] = 1.21
+    search: Annotated[NonNegative, "h"] = 0.20
+    search_time: Annotated[Positive, "1/ω"] = 1.21
     # Least time of a piece of the swing's motion.
-    piece: Annotated[float, "1/ω"] = 0.2
+    piece: Annotated[Positive, "1/ω"] = 0.2
     # ---- Contact of the foot in the air.
     # Part of the step before which a force is that of a foot that rubs.
-    early: float = 0.5
+    early: Share = 0.5
     # Speed of a swing foot, beside twice the velocity of the walk, from which on it is a pushed foot; time for which
     # its force is no contact then, and for which it goes after the trunk.
-    pushed_speed: Annotated[float, "hω"] = 1.2
-    pushed_time: Annotated[float, "1/ω"] = 0.4
+    pushed_speed: Annotated[NonNegative, "hω"] = 1.2
+    pushed_time: Annotated[NonNegative, "1/ω"] = 0.4
     # Speed of a foot without load in a stand from which on it has been kicked away.
-    kicked: Annotated[float, "hω"] = 0.2
+    kicked: Annotated[NonNegative, "hω"] = 0.2
     # Time since a landing up to which a robot on both feet is on its way, where the gait begins anew.
-    landed: Annotated[float, "1/ω"] = 1.15
+    landed: Annotated[NonNegative, "1/ω"] = 1.15
     # Change of the height of a foot that stands from which on its estimate has moved, and not the foot.
-    drifted: Annotated[float, "h"] = 0.033
+    drifted: Annotated[NonNegative, "h"] = 0.033
     # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
-    low: float = 1.1
+    low: NonNegative = 1.1
     # Viability of the planned landing over that of a place where the foot rubs, from which on the foot goes on.
-    rubs: float = 1.3
+    rubs: NonNegative = 1.3
     # Force from which on the foot has met the ground; below which it has lost it again; of the other foot, which must
     # hold meanwhile, or it is a flight; time for which that must last.
-    met: Annotated[float, "mg"] = 0.122
-    lost: Annotated[float, "mg"] = 0.015
-    held: Annotated[float, "mg"] = 0.18
-    lost_time: Annotated[float, "1/ω"] = 0.12
+    met: Annotated[NonNegative, "mg"] = 0.122
+    lost: Annotated[NonNegative, "mg"] = 0.015
+    held: Annotated[NonNegative, "mg"] = 0.18
+    lost_time: Annotated[NonNegative, "1/ω"] = 0.12
     # ---- Height.
     # Low-pass of the height of the feet that carry: the CoM need not follow each stone.
-    level_lag: Annotated[float, "1/ω"] = 1.01
+    level_lag: Annotated[NonNegative, "1/ω"] = 1.01
     # Part of an unexpected height that the next landing expects.
-    ground_share: float = 0.75
+    ground_share: Share = 0.75
     # Height of a landing that is seen, over either foot or under it, from which on it is a stair.
-    stair: Annotated[float, "h"] = 0.1
+    stair: Annotated[NonNegative, "h"] = 0.1
     # ---- Choice of a place on ground that is seen.
     # Cost of a landing away from the program's, over the program's own cost in h².
-    balance_cost: Annotated[float, "h"] = 3.0
+    balance_cost: Annotated[NonNegative, "h"] = 3.0
     # Part of the step's time from which on a place is chosen.
-    choice: float = 0.15
+    choice: Share = 0.15
     # Move of the program's landing from which on another place is chosen.
-    again: Annotated[float, "h"] = 0.03
+    again: Annotated[NonNegative, "h"] = 0.03
     # ---- Both feet.
-    shift_time: Annotated[float, "1/ω"] = 2.83
+    shift_time: Annotated[Positive, "1/ω"] = 2.83
     # The same before footsteps, which begin nearer to the foot that stands: ξ must not leave the soles on the way.
-    shift_to_plans: Annotated[float, "1/ω"] = 4.2
+    shift_to_plans: Annotated[Positive, "1/ω"] = 4.2
     # Place of ξ when the shift ends, in b_y of a step in place: the first step begins late.
-    shift: float = 1.3
-    shift_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (2.45, 3.2)
-    rest: Annotated[float, "1/ω"] = 0.6
-    stand_gain: float = 0.74
+    shift: NonNegative = 1.3
+    shift_gains: tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]] = (2.45, 3.2)
+    rest: Annotated[NonNegative, "1/ω"] = 0.6
+    stand_gain: NonNegative = 0.74
     # Greatest speed, and greatest distance between the feet, at which the robot stands again: a wide stand holds no
     # push to the side. Size of the box in which ξ must be, over the standing box.
-    stop_speed: Annotated[float, "hω"] = 0.02
-    stop_length: Annotated[float, "h"] = 0.6
-    stop_box: float = 0.9
+    stop_speed: Annotated[NonNegative, "hω"] = 0.02
+    stop_length: Annotated[NonNegative, "h"] = 0.6
+    stop_box: NonNegative = 0.9
+    # ---- Steering.
+    # Distance within which a goal is walked to without being faced: turns cost steps.
+    near: Annotated[NonNegative, "h"] = 0.8
+    # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
+    astray: Annotated[NonNegative, "rad"] = 0.8
+    # Time of the approach to a near goal: some two steps.
+    goal_time: Annotated[Positive, "1/ω"] = 4.0
+    # Distance and turn at which a goal is reached: what steps reach, as landings serve the balance.
+    arrived: Annotated[NonNegative, "h"] = 0.15
+    arrived_turn: Annotated[NonNegative, "rad"] = 0.15
+    # Turn from which on steps become quick: headings turn as a foot stands.
+    slow_turn: Annotated[Positive, "ω"] = 0.05
+    # Low-pass of the path behind a robot that walks sideways or turns.
+    path_lag: Annotated[NonNegative, "1/ω"] = 2.0
+    # Low-pass of the velocity by which the robot falls short, and its greatest value, twice in a fast walk: where feet
+    # carry is known to centimetres.
+    speed_lag: Annotated[Positive, "1/ω"] = 8.0
+    speed_bias: Annotated[NonNegative, "hω"] = 0.08
+    # Gain and greatest velocity of the way back to the path.
+    drift_gain: Annotated[NonNegative, "ω"] = 0.124
+    drift_speed: Annotated[NonNegative, "hω"] = 0.041
+    # Greatest angle of the pelvis from the heading: a push may turn it.
+    pelvis_turn: Annotated[NonNegative, "rad"] = 0.35
+
+    def __post_init__(self) -> None:
+        """Refuse pairs that do not grow."""
+        for name in ("trusted", "even", "urgent"):
+            low, high = getattr(self, name)
+            if low >= high:
+                raise InputError(
+                    f"the second number of {name} must be above the first one, got {low:g} and {high:g}"
+                )
 
     def check(self) -> None:
-        """Refuse constants that are not finite, and boxes of the centre of pressure that are larger than the sole."""
-        for field in dataclasses.fields(self):
-            finite_array(f"{field.name} of SteppingConstants", np.atleast_1d(getattr(self, field.name)))
+        """Refuse boxes of the centre of pressure, in parts of the sole, that are larger than the sole."""
         for name in ("box", "standing_box"):
             if not all(0.0 < size <= 1.0 for size in getattr(self, name)):
                 raise InputError(

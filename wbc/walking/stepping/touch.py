@@ -138,9 +138,8 @@ class SwingTouch:
         The offset of ξ may be `patience` times that of the orbit. A step is `late` that has lasted its longest time.
         """
         felt, c, dcm = self._felt, self._c, self._felt.dcm
-        if self._unloaded > fast_share * c.lost_time:
-            return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
-        if late:
+        # The other foot has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long.
+        if late or self._unloaded > fast_share * c.lost_time:
             return True
         (x, y, _), (p, q, _) = self._carrying, felt.contact
         ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
