@@ -39,9 +39,9 @@ from wbc.policy.description import NAMES
 from wbc.policy.references import ClipFrame
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.walks.settings import WalkTrialSettings
+from wbc.walking.assembly import ON_POINTS
 from wbc.walking.plans.gait import BY_SPEED, SPEEDS, Gait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
-from wbc.walking.steps import ON_POINTS
 
 DOCS = Path(__file__).parent
 
