@@ -116,7 +116,7 @@ def test_log_of_another_format_is_refused(tmp_path: Path) -> None:
         Log.open(path)
 
 
-@pytest.mark.parametrize(("batch", "said"), [(1_000_000, "has a batch of"), (100, "unpacks to more than")])
+@pytest.mark.parametrize(("batch", "said"), [(1_000_000, "has a batch of"), (2000, "unpacks to more than")])
 def test_a_small_file_that_unpacks_to_much_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int, said: str
 ) -> None:

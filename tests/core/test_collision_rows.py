@@ -148,9 +148,9 @@ def check(outcomes: list[Outcome]) -> None:
 @pytest.mark.parametrize(
     ("control", "layouts"),
     [
-        ("kinematics", range(120)),
+        ("kinematics", range(40)),
         ("torque", range(30)),
-        pytest.param("kinematics", range(120, 320), marks=pytest.mark.slow),
+        pytest.param("kinematics", range(40, 320), marks=pytest.mark.slow),
         pytest.param("torque", range(30, 230), marks=pytest.mark.slow),
     ],
 )

@@ -37,10 +37,12 @@ LINKED = [
 LONG = (
     "control.md",
     "estimation.md",
+    "falls.md",
     "logs.md",
     "motion.md",
     "coming_from.md",
     "own_loop.md",
+    "policies.md",
     "programs.md",
     "seeing.md",
     "stepping.md",

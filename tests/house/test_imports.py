@@ -42,87 +42,55 @@ assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "someth
     assert done.returncode == 0, done.stderr
 
 
-CORE = """
+ASKED = """
 import sys, wbc
 assert "numpy" not in sys.modules, "names are loaded when they are asked for"
 controller = wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005)
 assert controller.solve().ok and wbc.TorqueControl and wbc.InverseKinematics and wbc.WalkingControl
+others = {"matplotlib", "pandas", "sklearn", "pyarrow", "rich", "cyclopts", "gymnasium", "PIL", "viser"}
+assert not (others | {"mujoco"}) & set(sys.modules), "a controller"
+wbc.Plant("hrp4_class").measure()
+assert not others & set(sys.modules), "a plant"
+from wbc.sim import WalkSpec; WalkSpec().prepare()
+assert not others & set(sys.modules), "a walk"
+from wbc.app import Log, Recorder, Replay
+assert not {"matplotlib", "pandas", "sklearn", "viser"} & set(sys.modules), "a log"
 """
-SLOW = {
-    "mujoco",
-    "matplotlib",
-    "pandas",
-    "sklearn",
-    "pyarrow",
-    "rich",
-    "cyclopts",
-    "gymnasium",
-    "PIL",
-    "viser",
-}
-"""Libraries that a controller does not need."""
 
 
-@pytest.mark.parametrize(
-    ("program", "unasked"),
-    [
-        (CORE, SLOW),
-        ("import sys, wbc; wbc.Plant('hrp4_class').measure()", SLOW - {"mujoco"}),
-        ("import sys; from wbc.sim import WalkSpec; WalkSpec().prepare()", SLOW - {"mujoco"}),
-        (
-            "import sys; from wbc.app import Log, Recorder, Replay",
-            {"matplotlib", "pandas", "sklearn", "viser"},
-        ),
-    ],
-    ids=["core", "plant", "walk", "log"],
-)
-def test_slow_libraries_are_loaded_when_they_are_asked_for(program: str, unasked: set[str]) -> None:
-    end = f"loaded = {unasked!r} & set(sys.modules); assert not loaded, loaded"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{program}\n{end}"], capture_output=True, text=True, check=False
-    )
+def test_slow_libraries_are_loaded_when_they_are_asked_for() -> None:
+    done = subprocess.run([sys.executable, "-c", ASKED], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-SIMULATES = """
-import wbc, mujoco
+SIMULATES_AND_DRAWS = """
+import io, os, wbc, mujoco
 wbc.Plant("hrp4_class").step(wbc.Plant("hrp4_class").hold())
 from wbc.app.replay.film import RenderError, renderer
 try:
     renderer(mujoco.MjSpec().compile(), 16, 16)
 except RenderError as error:
-    assert VALUE in str(error), error
+    assert DRIVER in str(error), error
 else:
     raise SystemExit("it draws")
-"""
-DRAWS = """
-import io
 from wbc.app.plot.style import new_figure
 from wbc.sim.terrain.plot import _figure
 for make in (new_figure, _figure):
     make(1.0, 1.0).savefig(io.BytesIO())
-import matplotlib, os
-assert os.environ["MPLBACKEND"] == VALUE
-assert (matplotlib.rcParams["backend"] == VALUE) == (VALUE == "svg")
+import matplotlib
+assert os.environ["MPLBACKEND"] == BACKEND
+assert (matplotlib.rcParams["backend"] == BACKEND) == (BACKEND == "svg")
 """
 
 
 @pytest.mark.parametrize(
-    ("variable", "value", "program"),
-    [
-        ("MUJOCO_GL", "nonsense", SIMULATES),
-        ("MUJOCO_GL", "wgl" if sys.platform != "win32" else "cgl", SIMULATES),
-        ("MPLBACKEND", "Qt4Agg", DRAWS),
-        ("MPLBACKEND", "svg", DRAWS),
-    ],
+    ("driver", "backend"), [("nonsense", "Qt4Agg"), ("wgl" if sys.platform != "win32" else "cgl", "svg")]
 )
-def test_a_variable_that_does_not_fit_stops_no_simulation_and_no_file(
-    variable: str, value: str, program: str
-) -> None:
+def test_variables_that_do_not_fit_stop_no_simulation_and_no_file(driver: str, backend: str) -> None:
     """Shell profiles and notebooks set them for programs that draw in windows."""
     done = subprocess.run(
-        [sys.executable, "-c", f"VALUE = {value!r}\n{program}"],
-        env={**os.environ, variable: value},
+        [sys.executable, "-c", f"DRIVER, BACKEND = {driver!r}, {backend!r}\n{SIMULATES_AND_DRAWS}"],
+        env={**os.environ, "MUJOCO_GL": driver, "MPLBACKEND": backend},
         capture_output=True,
         text=True,
         check=False,

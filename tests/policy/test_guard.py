@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_policies import DT, G1, REST, Known, bobbing, control
+from properties import by_default
 
 import wbc
 from wbc.app import Log, Recorder
@@ -63,14 +64,21 @@ def test_a_policy_that_fails_is_relieved_and_the_robot_stands(breaks: Any, named
     breaks(network)
     run_guard(plant, guard, 0.02)
     assert guard.relieved and named in guard.relieved and guard.drives is guard.walking.drives
-    run_guard(plant, guard, 2.0)
+    run_guard(plant, guard, 0.5)
+    assert guard.fallen is None
+
+
+@pytest.mark.parametrize("breaks", by_default((breaks for breaks, _ in BREAKS), break_by_torques))
+def test_a_robot_whose_policy_fails_stands_and_then_walks_where_it_is_told_to(breaks: Any) -> None:
+    plant, guard, network = guarded()
+    run_guard(plant, guard, 0.3)
+    breaks(network)
+    run_guard(plant, guard, 2.02)
     assert guard.fallen is None and np.linalg.norm(plant.truth().com_velocity) < 0.05
     with_walk = guard.progress.steps_done
     guard.velocity = (0.2, 0.0, 0.0)
     run_guard(plant, guard, 2.0)
-    assert (
-        guard.progress.steps_done > with_walk and guard.fallen is None
-    )  # the library walks on where it is told to
+    assert guard.progress.steps_done > with_walk and guard.fallen is None
     with pytest.raises(InputError, match="stand"):
         guard.hand_back()
 

@@ -23,6 +23,7 @@ from made_policies import (
     write_tracker,
 )
 from numpy.typing import NDArray
+from properties import each_once
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError, WbcError
@@ -167,8 +168,13 @@ def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_en
     assert last.kp is not None and command.kp is None  # damping alone
 
 
-@pytest.mark.parametrize("reading", [100.0, -100.0, 1e30, math.nan, math.inf])
-@pytest.mark.parametrize("joint", ["left_knee_joint", "right_ankle_pitch_joint", "waist_yaw_joint"])
+@pytest.mark.parametrize(
+    ("reading", "joint"),
+    each_once(
+        (100.0, -100.0, 1e30, math.nan, math.inf),
+        ("left_knee_joint", "right_ankle_pitch_joint", "waist_yaw_joint"),
+    ),
+)
 def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: float, joint: str) -> None:
     """Predicted, then held: with the servos of the machine on the encoder that is wrong, and on a right one."""
     plant, policy = control(Known(3, len(G1.joint_names)), resting(observation=(Term("gravity"),)))

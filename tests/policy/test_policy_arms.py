@@ -21,7 +21,7 @@ from wbc.tasks import JointTorqueTask, RelativeFrameTask
 
 
 def hands_error(plant: wbc.Plant, policy: PolicyControl, carried: bool = True) -> float:
-    """Greatest distance of the left hand from its place before the pelvis, m, after 1.5 s of 3 s."""
+    """Greatest distance of the left hand from its place before the pelvis in the second second, m."""
     task = policy.controller.add(
         RelativeFrameTask("left_rubber_hand", "pelvis", axes=("x", "y", "z"), weight=10.0, stiffness=400.0)
     )
@@ -30,12 +30,12 @@ def hands_error(plant: wbc.Plant, policy: PolicyControl, carried: bool = True) -
         policy._arms._carried.measured = lambda measurement: None  # type: ignore[method-assign]
     policy.velocity = (0.1, 0.0, 0.0)
     truth, worst = G1.robot(), 0.0
-    while plant.time < 3.0:
+    while plant.time < 2.0:
         plant.step(policy.command(plant.measure()))
         state = plant.truth()
         truth.update(np.array(state.q), np.array(state.v))
         place = truth.placement("pelvis").actInv(truth.placement("left_rubber_hand")).translation
-        if plant.time > 1.5:
+        if plant.time > 1.0:
             worst = max(worst, float(np.linalg.norm(place - task.target.translation)))
     assert policy.status() == "ok"
     return worst
@@ -142,7 +142,7 @@ def test_arms_that_a_policy_sends_through_the_trunk_stop_before_it() -> None:
         gauge = wbc.Controller(G1.robot(), DT)
         near = gauge.add(wbc.CollisionLimit(pairs, shapes=shapes))
         least = math.inf
-        while plant.time < 1.5:
+        while plant.time < 1.5 and least >= 0.0:
             plant.step(policy.command(plant.measure()))
             state = plant.truth()
             gauge.update(np.array(state.q), np.array(state.v))

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from properties import each_once
 
 import wbc
 from wbc.base.errors import InputError
@@ -47,8 +48,7 @@ def depths(rig: Rig) -> tuple[Array, Array]:
     return areas, np.maximum(rig.model.geom_size[geoms, 0] - rig.data.geom_xpos[geoms, 2], 0.0)
 
 
-@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "long_arch"])
-@pytest.mark.parametrize("load", [50.0, 500.0])
+@pytest.mark.parametrize(("name", "load"), each_once(("flat", "rigid", "soft", "long_arch"), (50.0, 500.0)))
 def test_springs_under_the_points_carry_the_weight(name: str, load: float) -> None:
     rig = settled(name, load=load)
     areas, depth = depths(rig)
@@ -279,8 +279,7 @@ def test_a_robot_sinks_into_stairs_as_into_a_floor_of_their_stiffness() -> None:
     assert depth == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
 
 
-@pytest.mark.parametrize("name", ["flat", "rigid"])
-@pytest.mark.parametrize("stiffness", [1e6, 1e7])
+@pytest.mark.parametrize(("name", "stiffness"), each_once(("flat", "rigid"), (1e6, 1e7)))
 def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None:
     """Its weight over stiffness and area of both soles; it then sinks as little as on a rigid floor, by its servos."""
     moved = {}

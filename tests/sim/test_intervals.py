@@ -34,7 +34,7 @@ def test_many_layouts_are_drawn_a_part_at_a_time(monkeypatch: pytest.MonkeyPatch
     values = rng.exponential(size=2 * many) - 1.0 + 0.8 / math.sqrt(many)
     layouts = np.array([*range(many), *rng.integers(0, many, many).tolist()])
     whole = mean_interval(values.tolist(), layouts.tolist())
-    monkeypatch.setattr("wbc.sim.studies.intervals.DRAWN", 7 * many)
+    monkeypatch.setattr("wbc.sim.studies.intervals.DRAWN", 97 * many)
     found, p = (
         mean_interval(values.tolist(), layouts.tolist()),
         sign_flip_p(values.tolist(), layouts.tolist()),

@@ -129,7 +129,7 @@ def test_a_program_from_the_standard_input_runs_a_sweep(tmp_path: Path) -> None:
 from sweep_trials import MadeUpTrial
 from wbc.sim.studies import Journal, sweep
 with Journal("j.jsonl") as journal:
-    print(sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=2).counts)
+    print(sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=1).counts)
 """
     path = os.pathsep.join([*sys.path, str(Path(__file__).parents[1] / "support")])
     done = subprocess.run(

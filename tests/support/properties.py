@@ -7,8 +7,9 @@ failures: it would trace every example, which takes a quarter of the time.
 
 from __future__ import annotations
 
+import itertools
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -41,3 +42,20 @@ def examples(count: int, **changes: Any) -> settings:
 def by_default(values: Iterable[Any], *usual: Any) -> list[Any]:
     """Return values of a parameter of which some are tested by default, and the others in the slow run."""
     return [value if value in usual else pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+
+def each_once(*lists: Sequence[Any]) -> list[Any]:
+    """Return all combinations of values of several parameters.
+
+    By default those are tested in which the lists go side by side, so that each value comes at least once; the others
+    are tested in the slow run.
+    """
+    longest = max(map(len, lists))
+    usual = {tuple(k % len(values) for values in lists) for k in range(longest)}
+    return [
+        pytest.param(
+            *(values[k] for values, k in zip(lists, places, strict=True)),
+            marks=() if places in usual else pytest.mark.slow,
+        )
+        for places in itertools.product(*(range(len(values)) for values in lists))
+    ]
