@@ -119,7 +119,7 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     speeds = [0.1, 0.2, 0.3, 0.4]
     for speed in speeds:
         policy.velocity = (speed, 0.1, 0.0)
-        for _ in range(10):
+        for _ in range(round(policy.description.period / DT)):
             plant.step(policy.command(plant.measure()))
     assert len(network.seen) == len(speeds)
     np.testing.assert_allclose(network.seen[0][:9], [0.1, 0.2, 0.0] * 3, atol=1e-6)  # filled with the first
@@ -189,7 +189,7 @@ def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: fl
         command = policy.command(measurement)
         plant.step(command)
     most = made(command, measurement)
-    for _ in range(60):
+    for _ in range(round(0.12 / DT)):
         measurement = plant.measure()
         position = measurement.joint_position.copy()
         position[column] = reading
@@ -199,7 +199,7 @@ def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: fl
         assert abs(command.joint_torque[column]) <= 1.05 * most + 0.05
         assert made(command, measurement) <= 1.05 * most + 0.05
         plant.step(command)
-    assert failing > 20 and not policy.drives.stopped and policy.drives.sensing.falls.reason is None
+    assert DT * failing > 0.04 and not policy.drives.stopped and policy.drives.sensing.falls.reason is None
 
 
 def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> None:

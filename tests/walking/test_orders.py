@@ -32,7 +32,7 @@ from wbc.walking.plans.sources import FootstepSource, PlanSource, Standing
 from wbc.walking.source import StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 
-DT = 0.002
+DT = 0.004
 
 
 def control(name: str, plan: FootstepPlan | None = None) -> WalkingControl:

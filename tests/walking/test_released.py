@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from properties import each_once
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
@@ -95,8 +96,13 @@ def test_nothing_of_released_joints_is_commanded_and_they_come_back(mode: str) -
     assert command.released is None and walk.drives.status() == "ok"
 
 
-@pytest.mark.parametrize("kind", [wbc.TorqueControl, wbc.HybridControl, wbc.PositionControl])
-@pytest.mark.parametrize("door", ["control", "controller", "controller before the control"])
+@pytest.mark.parametrize(
+    ("kind", "door"),
+    each_once(
+        (wbc.TorqueControl, wbc.HybridControl, wbc.PositionControl),
+        ("control", "controller", "controller before the control"),
+    ),
+)
 def test_it_is_all_one_where_joints_are_released_and_taken_back(
     door: str, kind: type[wbc.TorqueControl | wbc.HybridControl | wbc.PositionControl]
 ) -> None:

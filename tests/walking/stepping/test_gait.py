@@ -395,7 +395,10 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     assert max(said) == pytest.approx(missed, abs=8e-3)
 
 
-@pytest.mark.parametrize("push", [(0.3, 0.0), (0.5, 0.0), (-0.2, 0.0), (-0.3, 0.0), (0.0, 0.5)])
+PUSHES = ((0.3, 0.0), (0.5, 0.0), (-0.2, 0.0), (-0.3, 0.0), (0.0, 0.5))
+
+
+@pytest.mark.parametrize("push", by_default(PUSHES, (0.5, 0.0), (-0.3, 0.0), (0.0, 0.5)))
 def test_a_robot_that_is_pushed_in_the_last_step_of_a_plan_stands_and_then_steps_back_to_its_end(
     push: tuple[float, float],
 ) -> None:
