@@ -366,3 +366,29 @@ def test_the_weight_shifts_to_where_the_first_footstep_begins(first: str) -> Non
         if tick.time > lift.time and Event.LIFT_OFF in tick.reference.progress.events
     )
     assert step.time - lift.time == pytest.approx(body.gait.steering.step_time, rel=0.06)
+
+
+@pytest.mark.parametrize("left", [True, False], ids=["left foot stands", "right foot stands"])
+@pytest.mark.parametrize(
+    ("share", "follows"), [(1.0, True), (0.0, False)], ids=["bears the weight", "was kicked away"]
+)
+def test_a_swing_foot_comes_down_to_the_ground_under_a_stance_foot_that_bears(
+    left: bool, share: float, follows: bool
+) -> None:
+    """The estimated height of a foot that bears says where the ground is; a foot that is kicked away flies over it."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while (now := body.ticks[-1].reference.progress).air is None or (now.stance == 0) is not left:
+        body.run(DT)
+    tick, up = body.ticks[-1], 0.2
+    stance, lifted = now.stance, [foot.copy() for foot in tick.frames]
+    lifted[stance].translation[2] += up
+    places = [foot.translation.tolist() for foot in lifted]
+    wrenches = [[0.0] * 6, [0.0] * 6]
+    wrenches[stance][2] = share * SCALE.weight
+    state = tick.state._replace(places=places, wrenches=wrenches)
+    while (reference := body.gait.advance(state, (lifted[0], lifted[1]))).progress.elapsed < now.duration:
+        assert reference.progress.stance == stance
+    landing = body.gait.step.swing.landing.z
+    assert landing == pytest.approx(up if follows else 0.0, abs=1e-9)

@@ -190,13 +190,14 @@ class SingleSupport:
         return stands + HALF * (self._ground.height - stands) if self._one.climbs else stands
 
     def _follow_ground(self) -> None:
-        """Move the expected ground with the foot that stands.
+        """Move the expected ground with the foot that stands, while it bears.
 
         This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
-        swing foot would end above the true one.
+        swing foot would end above the true one. A foot that bears nothing was kicked away, and flies over the ground.
         """
-        moved = self._stands - self._one.stood
-        if abs(moved) > self._c.drifted and self._ground.sight is None:
+        felt, c, moved = self._felt, self._c, self._stands - self._one.stood
+        bears = felt.state.wrenches[felt.stance][2] > c.held
+        if bears and abs(moved) > c.drifted and self._ground.sight is None:
             self._ground.height += moved
             self._one.stood += moved
 
