@@ -185,8 +185,10 @@ class Commands:
         self.folder = folder
         self._process: subprocess.Popen[str] | None = None
 
-    def __call__(self, words: Sequence[str], *, refusable: bool = True) -> str | None:
-        """Run a command; return what is wrong with its end, None for a result or, where it may be, a refusal."""
+    def __call__(
+        self, words: Sequence[str], *, refusable: bool = True, acceptable: bool = True
+    ) -> str | None:
+        """Run a command; return what is wrong with its end, None for a result or a refusal, where they may be."""
         if self._process is None:
             command = [sys.executable, __file__]
             pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
@@ -202,10 +204,10 @@ class Commands:
         code, said = json.loads(answer)
         told = [text for text in said.splitlines() if text.startswith("wbc: ")]
         if code == "began" or (code == 0 and "Traceback" not in said):
-            return None
+            return None if acceptable else f"is accepted: {said[-1000:]}"
         good = (
             refusable
-            and code in (1, 2)
+            and (code in (1, 2) if acceptable else code == 2 and said.startswith("wbc: "))
             and len(told) == 1
             and len(told[0]) < 1500
             and "Traceback" not in said

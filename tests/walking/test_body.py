@@ -137,9 +137,9 @@ def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
 def test_a_trunk_that_turns_on_its_hips_does_not_bend_the_way() -> None:
     """The pelvis may face aside by what it is to be turned: the heading of the walk is no other than without."""
     description = RobotDescription.from_mjcf(ROOT / "examples" / "biped.xml")
-    plant = Plant(description, control_period=0.002)
+    plant = Plant(description, control_period=0.004)
     robot = description.robot()
-    walking = WalkingControl(robot, None, 0.002, WalkingControlSettings(mode="torque"))
+    walking = WalkingControl(robot, None, 0.004, WalkingControlSettings(mode="torque"))
     walking.body.turn, walking.velocity = 0.3, (0.2, 0.0, 0.0)
     aside = []
     while plant.time < 5.0:
