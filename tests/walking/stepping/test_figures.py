@@ -170,7 +170,7 @@ def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) 
         felt.elapsed += DT
         if felt.elapsed > felt_at:
             felt.state = felt.state._replace(compliance=depth / SCALE.weight)
-        stand.delay(DT)
+        stand.delay()
         ways.append(stand.shifting(direction, SETTINGS.step_time).motion[:4])
     duration = stand.duration - CONSTANTS.rest
     slower = 1.0 + 2.0 * depth / (2.0 * SCALE.sole[1])

@@ -15,7 +15,7 @@ from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.contact import GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.stepping.felt import BodyState, Felt
+from wbc.walking.stepping.felt import BodyState, GaitState
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.touch import SwingTouch
@@ -226,9 +226,9 @@ def test_viability_is_the_lesser_ratio_of_offsets() -> None:
 # ---- what is felt ---------------------------------------------------------------------------------------------------
 
 
-def feeling(wrenches: list[list[float]], **state: Any) -> Felt:
+def feeling(wrenches: list[list[float]], **state: Any) -> GaitState:
     eye = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    felt = Felt(GaitValues(SETTINGS, LAW, SCALE, DT))
+    felt = GaitState(GaitValues(SETTINGS, LAW, SCALE, DT))
     places = ((0.0, 0.11, 0.0), (0.0, -0.11, 0.0))
     felt.state = BodyState(
         (0.0, 0.0, SCALE.height), POINT, POINT, places, (eye, eye), wrenches, 0.0, SCALE.mass, **state

@@ -17,7 +17,7 @@ from wbc.base.vectors import Point, Vector, along
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.asked import steps_of_plan
 from wbc.walking.stepping.course import PhaseReference, shifted
-from wbc.walking.stepping.felt import Felt
+from wbc.walking.stepping.felt import GaitState
 from wbc.walking.stepping.law import SIDE, StanceAxes
 from wbc.walking.stepping.settings import GaitValues
 
@@ -32,9 +32,10 @@ class DoubleSupport:
         duration: Planned time of the shift of the weight, with the rest before the first step, s.
     """
 
-    def __init__(self, values: GaitValues, felt: Felt) -> None:
+    def __init__(self, values: GaitValues, felt: GaitState) -> None:
         """Stand."""
-        self._s, self._c, self._felt = values.settings, values.constants, felt
+        self._s, self._c, _, self._dt = values
+        self._felt = felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self.duration = self._shift_time = self._late = 0.0
         self._footsteps: Sequence[Footstep] = ()
@@ -88,12 +89,12 @@ class DoubleSupport:
         self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
         self.duration = self._shift_time + self._c.rest
 
-    def delay(self, dt: float) -> None:
-        """Let the shift be slower in a tick of dt, s, the deeper the feet sink.
+    def delay(self) -> None:
+        """Let the shift be slower in a tick, the deeper the feet sink.
 
         A quick shift is braked by pressure beside the middle of the sole, and on ground that gives the sole would tilt.
         """
-        late = dt * (1.0 - 1.0 / self._slower)
+        late = self._dt * (1.0 - 1.0 / self._slower)
         self._late += late
         self.duration += late
 

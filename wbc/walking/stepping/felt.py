@@ -98,8 +98,8 @@ class BodyReader:
         )
 
 
-class Felt:
-    """Contact point and DCM of a robot on both feet, or on one.
+class GaitState:
+    """Phase, feet and state of a gait, with its contact point and its DCM, on both feet or on one.
 
     Attributes:
         phase: Phase now.

@@ -38,7 +38,7 @@ from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
-from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
+from wbc.walking.stepping.felt import BodyReader, BodyState, Frames, GaitState
 from wbc.walking.stepping.path import PathSteering, StepVelocity
 from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.single_support import SetOff, SingleSupport
@@ -128,7 +128,7 @@ class SteppingWalk(ReferenceSource):
         its velocity. Of two feet on the ground the one that has landed a moment ago carries, and the other one swings;
         the robot stands if both have stood for longer.
         """
-        values, self.felt = self._values, Felt(self._values)
+        values, self.felt = self._values, GaitState(self._values)
         self.time, self.steps_done, self.missed = 0.0, 0, 0.0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
@@ -291,7 +291,7 @@ class SteppingWalk(ReferenceSource):
             if stance is not None:
                 return self._set_off(stance, walks=max(joins[0]))
         elif felt.phase is GaitPhase.DOUBLE:
-            stand.delay(self.dt)
+            stand.delay()
             if felt.elapsed >= stand.duration:
                 return self._set_off(felt.stance)
         elif self._is_to_walk():

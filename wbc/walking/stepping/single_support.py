@@ -23,7 +23,7 @@ from wbc.walking.plans.gait import SwingShape
 from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import FallCourse, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState
-from wbc.walking.stepping.felt import Felt
+from wbc.walking.stepping.felt import GaitState
 from wbc.walking.stepping.law import SIDE, Orbit, StanceAxes
 from wbc.walking.stepping.settings import GaitValues, swing_shape
 from wbc.walking.stepping.touch import SwingTouch
@@ -86,7 +86,7 @@ class SingleSupport:
 
     asked: Asked
 
-    def __init__(self, values: GaitValues, felt: Felt, ground: GroundEstimate) -> None:
+    def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Make all parts."""
         settings, constants, scale, dt = values
         self._s, self._c, self._felt, self._ground = settings, constants, felt, ground

@@ -8,7 +8,7 @@ from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, moved
-from wbc.walking.stepping.felt import ORIGIN, Felt
+from wbc.walking.stepping.felt import ORIGIN, GaitState
 from wbc.walking.stepping.law import Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import GaitValues
 from wbc.walking.swing import SwingFoot
@@ -20,7 +20,7 @@ MOST_URGENCY, LEAST_TIME = 0.5, 0.8
 class SwingTouch:
     """Contact of the swing foot of one walk."""
 
-    def __init__(self, values: GaitValues, felt: Felt, ground: GroundEstimate) -> None:
+    def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Begin a step."""
         self._felt, self._ground = felt, ground
         self._s, self._c, _, self._dt = values
