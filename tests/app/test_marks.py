@@ -58,7 +58,7 @@ from wbc.app.view.meshes import (
     merged,
     normals,
 )
-from wbc.app.view.scene import Scene
+from wbc.app.view.scene import DrawnScene
 from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
 from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force
 from wbc.core.robot import GRAVITY
@@ -208,7 +208,7 @@ def test_a_legend_has_each_meaning_once_and_that_of_coloured_soles() -> None:
     assert css((0.0, 0.5, 1.0, 0.3)) == "rgb(0, 128, 255)"
 
 
-class Told(Scene):
+class Told(DrawnScene):
     """A scene that keeps what it is told."""
 
     def __init__(self, *bodies: int) -> None:
@@ -220,7 +220,7 @@ class Told(Scene):
         self.told: list[Any] = []
 
     def draw(self, picture: Picture) -> None:
-        """See `Scene`; only this picture is kept."""
+        """See `DrawnScene`; only this picture is kept."""
         self.told = []
         super().draw(picture)
 

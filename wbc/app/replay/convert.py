@@ -18,7 +18,7 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
 from wbc.app.view.rerun_view import RerunScene, plain
-from wbc.app.view.scene import Scene
+from wbc.app.view.scene import DrawnScene
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -85,7 +85,7 @@ def convert_log(
                     if signal.kind == "text":  # lists are drawn in the scene
                         file.write_texts(signal.name)
             if replay is not None:
-                scene: Scene = file.scene(replay)
+                scene: DrawnScene = file.scene(replay)
                 for tick in replay.ticks(rate):
                     scene.draw(replay.picture(tick))
         finally:

@@ -17,7 +17,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.meshes import Mesh
-from wbc.app.view.scene import Scene
+from wbc.app.view.scene import DrawnScene
 from wbc.app.view.stage import Stage
 from wbc.robots.mechanism import Colour
 
@@ -72,7 +72,7 @@ class FoxgloveFile:
         self._writer.close()
 
 
-class FoxgloveScene(Scene):
+class FoxgloveScene(DrawnScene):
     """Scene in a file of Foxglove: shapes under the transforms of their bodies, and marks.
 
     Each picture has all of its marks, so that a viewer may begin with any of them.
@@ -92,7 +92,7 @@ class FoxgloveScene(Scene):
         self._at, self._places, self._shapes, self._clouded = None, list[Any](), list[Any](), False
 
     def draw(self, picture: Picture) -> None:
-        """See `Scene`."""
+        """See `DrawnScene`."""
         messages, when = self._messages, {"log_time": _nanoseconds(picture.time)}
         self._at, self._places, self._shapes, self._clouded = (
             _timestamp(messages, picture.time),

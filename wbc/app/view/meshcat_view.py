@@ -27,7 +27,7 @@ from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
 from wbc.app.view.marks import Mark, Picture, css, mark_mesh
 from wbc.app.view.meshes import Mesh
 from wbc.app.view.page_guard import HOSTS
-from wbc.app.view.scene import Scene
+from wbc.app.view.scene import DrawnScene
 from wbc.app.view.stage import Stage
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
@@ -68,7 +68,7 @@ new WebSocket(location.origin.replace("http", "ws") + "/caption").onmessage = me
 """Caption and its script, put into MeshCat's page; texts are set as texts, never as HTML."""
 
 
-class MeshcatScene(Scene):
+class MeshcatScene(DrawnScene):
     """Scene as commands of MeshCat.
 
     Attributes:
@@ -87,7 +87,7 @@ class MeshcatScene(Scene):
         self._put("/Cameras/default/rotated/<object>", commands.SetProperty, "position", eye)
 
     def draw(self, picture: Picture) -> None:
-        """See `Scene`; the camera follows."""
+        """See `DrawnScene`; the camera follows."""
         super().draw(picture)
         # MeshCat's camera looks at the origin wherever it stands: the world moves so that the robot stays there.
         floor = self.stage.floor

@@ -17,7 +17,7 @@ import numpy as np
 from wbc.app.view.base import LOCAL, View, ViewError, free_port
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.meshes import Mesh, normals
-from wbc.app.view.scene import EYE, LOOK_AT, Scene
+from wbc.app.view.scene import EYE, LOOK_AT, DrawnScene
 from wbc.app.view.stage import Stage
 from wbc.robots.mechanism import Colour
 
@@ -28,7 +28,7 @@ OPENED, CLOSED = b"connection accepted", b"connection closed"
 """Lines of Rerun's server about connections: the first one is that of the stream."""
 
 
-class RerunScene(Scene):
+class RerunScene(DrawnScene):
     """Scene in a stream of Rerun: shapes under the transforms of their bodies, and marks. Names hold no spaces."""
 
     def __init__(self, stage: Stage, stream: Any) -> None:
@@ -44,7 +44,7 @@ class RerunScene(Scene):
             stream.log(f"{self._names[body]}/{number}", self._mesh(mesh), static=True)
 
     def draw(self, picture: Picture) -> None:
-        """See `Scene`; all of it gets the time of the picture."""
+        """See `DrawnScene`; all of it gets the time of the picture."""
         self._stream.set_time("time", duration=picture.time)
         super().draw(picture)
 

@@ -15,7 +15,7 @@ EYE, LOOK_AT = np.array([2.6, -2.0, 1.7]), np.array([0.0, 0.0, 0.8])
 """Place of the camera and point that it looks at, in heights of the centre of mass."""
 
 
-class Scene(ABC):
+class DrawnScene(ABC):
     """Bodies and marks as one kind of page, stream or file shows them; `draw` shows a picture.
 
     Attributes:

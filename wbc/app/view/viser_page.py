@@ -16,7 +16,7 @@ import numpy as np
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
 from wbc.app.view.marks import DCM_COLOUR, ZMP_COLOUR, Mark, Picture, css, mark_mesh
 from wbc.app.view.page_guard import PageGuard
-from wbc.app.view.scene import EYE, LOOK_AT, Scene
+from wbc.app.view.scene import EYE, LOOK_AT, DrawnScene
 from wbc.app.view.stage import Stage
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
@@ -74,7 +74,7 @@ class ViserPage:
             self.server.stop()
 
 
-class ViserScene(Scene):
+class ViserScene(DrawnScene):
     """Scene of a page: below one root a frame for each body, with its meshes, and the marks."""
 
     def __init__(self, stage: Stage, nodes: Any) -> None:
@@ -89,7 +89,7 @@ class ViserScene(Scene):
         self._beside: dict[str, Any] = {}  # marks
 
     def draw(self, picture: Picture) -> None:
-        """See `Scene`."""
+        """See `DrawnScene`."""
         super().draw(picture)
         self._target = picture.target
         self.follow(self._follows)
