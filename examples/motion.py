@@ -35,8 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     result = track_motion(feasible.clip, TrackSpec(robot="g1"), hooks=options.hooks())
     return report(
         upright=result.completed,
-        zmp_outside_before_mm=check_motion(robot, clip).zmp_worst,
-        zmp_outside_mm=feasible.after.zmp_worst,
+        zmp_outside_before_mm=1e3 * check_motion(robot, clip).zmp_outside,
+        zmp_outside_mm=1e3 * feasible.after.zmp_outside,
         joints_rms_deg=float(np.degrees(result.joint_rms)),
     )
 

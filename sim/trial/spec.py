@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import BeforeValidator
 
 from wbc.base.checked import checked
-from wbc.base.errors import choose
+from wbc.base.errors import choose, former_name
 from wbc.base.html import html_table
 from wbc.base.registry import reading_data
 from wbc.base.settings import Seed, from_json, json_object, settings, to_json, units
@@ -208,11 +208,7 @@ class TrialResult:
     """Former names of attributes, and what stands in their place."""
 
     if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            said = f"; in its place: {self.RENAMED[name]}" if name in self.RENAMED else ""
-            said = f"{type(self).__name__} has no attribute '{name}'{said}"
-            raise AttributeError(said, name=name, obj=self)
+        __getattr__ = former_name
 
     def record(self) -> dict[str, Any]:
         """Return all that follows from the spec, as plain values."""

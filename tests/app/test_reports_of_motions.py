@@ -24,7 +24,7 @@ Said = pytest.CaptureFixture[str]
 
 def measures(**values: Any) -> MotionMeasures:
     parts = {"joint_excess": {"a": 0.1}, "joint_speed": {"a": 1.0, "b": 1.0}, "joint_torque": {}}
-    figures = dict.fromkeys(("foot_slide", "penetration", "zmp_worst", "friction"), 0.5) | {
+    figures = dict.fromkeys(("slide_speed", "sole_depth", "zmp_outside", "friction"), 0.5) | {
         "single_support": 0.25
     }
     return MotionMeasures(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from wbc.motion.contacts import always_standing, find_contacts, runs, touching
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion, Soles, corners_of, zmp_of
-from wbc.motion.measures import measure, nearest_inside, supports_of
+from wbc.motion.measures import MotionMeasures, measure, nearest_inside, supports_of
 from wbc.walking.plans.reach import Reach
 
 RATE = 100.0
@@ -260,28 +261,32 @@ def test_measures_of_a_robot_that_is_moved_by_rule(robot: Robot) -> None:
         return measure(robot, motion, standing, share, friction)
 
     rest = measured(still)
-    assert rest.feasible and not rest.infeasible_frames.any() and rest.foot_slide == rest.zmp_worst == 0.0
+    assert rest.feasible and not rest.infeasible_frames.any() and rest.slide_speed == rest.zmp_outside == 0.0
+    for former, present in MotionMeasures.RENAMED.items():
+        assert hasattr(rest, present.partition(" ")[0])
+        with pytest.raises(AttributeError, match=re.escape(f"'{former}'; in its place: {present}")):
+            getattr(rest, former)
     assert (
-        rest.penetration == pytest.approx(0.0, abs=0.1)
+        rest.sole_depth == pytest.approx(0.0, abs=1e-4)
         and rest.friction < 1e-6
         and rest.single_support == 0.0
     )
     slid = replace(still, corners=still.corners + np.outer(np.arange(count), (5e-4, 0.0, 0.0))[:, None, None])
-    assert measured(slid).foot_slide == pytest.approx(50.0)
+    assert measured(slid).slide_speed == pytest.approx(0.05)
     third = stood((0, 0, count), (1, 0, 40), count=count)
-    assert measured(slid, third).foot_slide == pytest.approx(50.0)
+    assert measured(slid, third).slide_speed == pytest.approx(0.05)
     assert measured(still, third).single_support == pytest.approx(1.0 / 3.0)
     one = still.corners.copy()
     one[:, 1, :, 0] += 5e-4 * np.arange(count)[:, None]
-    assert measured(replace(still, corners=one)).foot_slide == pytest.approx(25.0), "per second of contact"
+    assert measured(replace(still, corners=one)).slide_speed == pytest.approx(0.025), "per second of contact"
     deep = replace(still, corners=still.corners - [0.0, 0.0, 0.002 + still.corners[..., 2].min()])
-    assert measured(deep).penetration == pytest.approx(2.0)
+    assert measured(deep).sole_depth == pytest.approx(0.002)
     front = still.corners[..., 0].max()
     for ahead, good in ((0.030, False), (0.004, True), (-0.010, True)):
         com = still.com.copy()
         com[:, 0] = front + ahead
         found = measured(replace(still, com=com))
-        assert found.zmp_worst == pytest.approx(1e3 * max(0.0, ahead), abs=1e-6)
+        assert found.zmp_outside == pytest.approx(max(0.0, ahead), abs=1e-9)
         assert found.feasible == good and found.infeasible_frames.all() != good
     joint = robot.joint_index(robot.joint_names[-1])
     q = still.q.copy()

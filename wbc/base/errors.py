@@ -122,6 +122,12 @@ def missing_from(module: str, name: str, rooms: Iterable[str]) -> NoReturn:
     raise AttributeError(said + (f"; did you mean {' or '.join(near)}?" if near else ""), name=name)
 
 
+def former_name(record: Any, name: str) -> NoReturn:
+    """Raise the `AttributeError` of a record for a name, with what its class says in `RENAMED` to be in its place."""
+    said = f"; in its place: {record.RENAMED[name]}" if name in record.RENAMED else ""
+    raise AttributeError(f"{type(record).__name__} has no attribute '{name}'{said}", name=name, obj=record)
+
+
 def choose(kind: str, name: str, choices: Iterable[str]) -> str:
     """Return a name that is one of the choices; `UnknownNameError` for another."""
     names = list(choices)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from wbc.base.checked import checked
+from wbc.base.errors import former_name
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive, Ratio
@@ -49,9 +50,9 @@ class MotionMeasures:
         joint_excess: Joint → greatest excess over its limits, rad, for joints over them.
         joint_speed: Joint → greatest share of its speed limit, for joints over the allowed share.
         joint_torque: Joint → greatest share of its torque limit, for joints outside the legs over the allowed share.
-        foot_slide: Path of soles in contact, mm per second of contact.
-        penetration: Greatest depth of a sole below the ground, mm.
-        zmp_worst: Greatest distance of the ZMP to the support, mm.
+        slide_speed: Path of soles in contact over the time of contact, m/s.
+        sole_depth: Greatest depth of a sole below the ground, m.
+        zmp_outside: Greatest distance of the ZMP to the support, m.
         friction: Greatest coefficient of friction that the soles need for their horizontal forces and yaw moments.
         single_support: Share of the time on one foot.
         infeasible_frames: Frames that are too fast, need too much torque or friction, or have the ZMP outside, (T,).
@@ -60,12 +61,21 @@ class MotionMeasures:
     joint_excess: dict[str, float]
     joint_speed: dict[str, float]
     joint_torque: dict[str, float]
-    foot_slide: float
-    penetration: float
-    zmp_worst: float
+    slide_speed: float
+    sole_depth: float
+    zmp_outside: float
     friction: float
     single_support: float
     infeasible_frames: Array
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "foot_slide": "slide_speed (m/s)",
+        "penetration": "sole_depth (m)",
+        "zmp_worst": "zmp_outside (m)",
+    }
+
+    if not TYPE_CHECKING:
+        __getattr__ = former_name
 
     def to_json(self) -> dict[str, Any]:
         """Return the measures as plain values, of the infeasible frames their share."""
@@ -93,9 +103,9 @@ def measure(robot: Robot, motion: BodyMotion, stands: Array, share: float, frict
         joint_excess=by_joint(robot, excess),
         joint_speed=by_joint(robot, speed.max(axis=0), allowed),
         joint_torque=by_joint(robot, torque.max(axis=0), allowed),
-        foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, ROUNDING),
-        penetration=1e3 * max(0.0, -float(motion.corners[..., 2].min())),
-        zmp_worst=1e3 * float(outside.max()),
+        slide_speed=float(path[both].sum()) / max(float(both.sum()) / motion.rate, ROUNDING),
+        sole_depth=max(0.0, -float(motion.corners[..., 2].min())),
+        zmp_outside=float(outside.max()),
         friction=float(needed.max()),
         single_support=float((stands.sum(axis=1) == 1).mean()),
         infeasible_frames=(np.maximum(speed, torque) > allowed).any(axis=1)
