@@ -246,6 +246,51 @@ def test_what_is_no_number_is_no_stamp(stamp: object) -> None:
     assert control.failures == 1 and "must be a finite number, got " in control.reason
 
 
+@pytest.mark.parametrize("signal", ["joint_position", "sole_wrench"])
+def test_an_observer_takes_arrays_of_real_numbers_alone(signal: str) -> None:
+    observer = wbc.Observer(shared_robot())
+    right = moving(0)
+    value = getattr(right, signal)
+    wrong = [np.array(value, dtype=kind) for kind in (object, complex, bool, str)]
+    for each in (*wrong, "wrench", np.ma.array(value, mask=True)):
+        with pytest.raises(MeasurementError):
+            observer.update(replace(right, **{signal: each}))
+    for time in ("x", None, 1j, True):
+        with pytest.raises(MeasurementError):
+            observer.update(replace(right, time=time))  # type: ignore[arg-type]
+    observer.update(right)
+
+
+@pytest.mark.parametrize("bad", [[NAN] * 6, [INF] * 6, [0.0] * 5, 5.0])
+def test_wrenches_that_are_none_fail_the_tick_which_holds_the_last_torques(bad: object) -> None:
+    control = TorqueControl(controller())
+    for tick in range(3):
+        last = control.command(moving(tick))
+    failed = control.act(control.estimate(moving(3)), {"left_foot": np.array(bad)})
+    assert control.failures == 1 and "wrench" in control.reason
+    still = replace(moving(3), joint_velocity=np.zeros(shared_robot().na))
+    assert np.abs(last.joint_torque).max() > 5.0  # the damping of a failed tick is small
+    np.testing.assert_allclose(failed.joint_torque, last.joint_torque, atol=1.0)
+    assert control.command(still).joint_torque is not None and control.failures == 1
+
+
+@pytest.mark.parametrize("part", ["joint_torque", "joint_velocity"])
+def test_a_law_that_returns_no_numbers_fails_the_tick_which_holds_the_last_command(part: str) -> None:
+    control, na = TorqueControl(controller()), shared_robot().na
+    rest = shared_robot().half_sitting[7:].copy()
+
+    def law(_: object) -> wbc.Command:
+        parts = {"joint_torque": np.ones(na), "joint_position": rest, "joint_velocity": np.zeros(na)}
+        if control.time > 2.5 * DT:
+            parts[part] = np.full(na, NAN)
+        return wbc.Command(**parts)
+
+    for tick in range(3):
+        command = control.relay(control.estimate(moving(tick)), law)
+    assert control.failures == 1 and "finite" in control.reason
+    np.testing.assert_array_equal(command.joint_torque, np.ones(na))
+
+
 @pytest.mark.parametrize("kind", ["rounded", "exact rest"])
 def test_a_robot_at_rest_may_repeat_its_measurements(kind: str) -> None:
     """Rounded readings of a motion that decays, and physics that put a robot to sleep."""

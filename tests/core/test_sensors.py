@@ -27,6 +27,17 @@ ROBOT, DT = load("hrp4_class").robot(), 0.005
 WEIGHT = ROBOT.mass * GRAVITY
 
 
+def test_a_sensor_is_refused_for_what_it_reads_now() -> None:
+    """Wrenches of a wrong shape in a tick that is refused for its stamp are not told of the next tick."""
+    plausibility, first = Plausibility(ROBOT, DT), at_rest(ROBOT, 0.0)
+    plausibility.check(first)
+    with pytest.raises(MeasurementError, match="time"):
+        plausibility.check(replace(first, time=50.0, sole_wrench=np.zeros(5)))
+    plausibility.check(replace(first, time=DT, sole_wrench=np.full((2, 6), 1e6)))
+    assert len(plausibility.reasons) == 2
+    assert all("shape" not in str(reason) for reason in plausibility.reasons)
+
+
 def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
     """An encoder goes on with its joint's speed, a speed is that of its encoder, and all else stays as it was."""
     plausibility, na, tick = Plausibility(ROBOT, DT), ROBOT.na, 1

@@ -208,6 +208,18 @@ def test_an_observer_has_the_settings_and_the_robot_with_which_its_filters_were_
         setattr(observer, name, getattr(observer, name))
 
 
+@pytest.mark.parametrize("kind", [wbc.PositionControl, wbc.HybridControl])
+def test_references_of_a_control_may_be_moved_but_not_swapped(kind: Any) -> None:
+    control = kind(balancing())
+    for name in ("q", "v"):
+        with pytest.raises(InputError, match="reset"):
+            setattr(control, name, np.zeros(3))
+        getattr(control, name)[:] = getattr(control, name)
+    for part in (control.observer.inertial, control.observer.observe_outside()):
+        with pytest.raises(InputError, match="settings"):
+            part.settings = None
+
+
 @pytest.mark.parametrize("what", ITEMS)
 def test_a_name_is_text_and_stays_while_a_controller_has_the_item(what: str) -> None:
     """Solutions, logs and status tables find items by their names: a second item of one name would be lost."""

@@ -47,6 +47,9 @@ FEET_STAY = 0.35
 ANOTHER = "make another control"
 """Advice on options that stay."""
 
+RESTART = "`reset` begins from another configuration"
+"""Advice in place of an assignment to the references of a control."""
+
 UNUSUAL = {
     Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
     Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
@@ -353,7 +356,7 @@ class DriveControl(Control):
         """
         sensing, observer, start, dt = self.sensing, self.observer, perf_counter(), self.controller.dt
         last = sensing.measurement
-        sensing.time = time = sensing.time + dt
+        time = sensing.tick()
         try:
             released, soles = self.controller.released, self._reference_soles()
             forgiven = None if released is None else released.mask
@@ -471,7 +474,7 @@ class DriveControl(Control):
         return None
 
     def _follow(self, state: State, solution: Solution) -> Command:
-        """Return the command that follows from a solution, and `_torques`."""
+        """Return the command of a solution, whose torques for the drives are `_torques`."""
         raise NotImplementedError
 
     def _hold(self, state: State) -> Command:

@@ -16,7 +16,7 @@ from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive
-from wbc.core.drive.control import ANOTHER, DriveControl, State
+from wbc.core.drive.control import ANOTHER, RESTART, DriveControl, State
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
@@ -33,12 +33,14 @@ class PositionControl(DriveControl):
         feedback: With "open" the controller's robot is the commanded one, and sensors act only through tasks that read
             them. With "closed" it is the estimated robot, and the references converge to the estimate.
         feedforward: True to add the torques of the solution to the servos.
-        q: Configuration of the commanded robot, shape (nq,).
-        v: Velocity of the commanded robot, shape (nv,).
+        q: Configuration of the commanded robot, shape (nq,); the same array always.
+        v: Velocity of the commanded robot, shape (nv,); the same array always.
     """
 
     feedback: Literal["open", "closed"] = fixed(ANOTHER)
     feedforward: bool = fixed(ANOTHER)
+    q: Array = fixed(RESTART)
+    v: Array = fixed(RESTART)
     _moves_references = True
 
     @checked
@@ -129,19 +131,19 @@ class PositionControl(DriveControl):
     def _move(self, acceleration: Array) -> Command:
         """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
-        step = np.multiply(acceleration, self._half_square, out=self._step)
-        step += self.v * self._dt
-        self.q[:] = pin.integrate(self.controller.robot.model, self.q, step)
-        self.v += np.multiply(acceleration, self._dt, out=step)
-        command = self.gate.pass_on(self._torques, self.q[7:], self.v[6:])
+        q, v, step = self.q, self.v, np.multiply(acceleration, self._half_square, out=self._step)
+        step += v * self._dt
+        q[:] = pin.integrate(self.controller.robot.model, q, step)
+        v += np.multiply(acceleration, self._dt, out=step)
+        command = self.gate.pass_on(self._torques, q[7:], v[6:])
         if self.gate.faults:  # the commanded robot is where the command says
             assert command.joint_position is not None and command.joint_velocity is not None
-            self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity
+            q[7:], v[6:] = command.joint_position, command.joint_velocity
         return command
 
     def _draw(self) -> None:
         """Draw the commanded robot to the estimated one."""
-        estimate = self.observer.robot
-        difference = pin.difference(estimate.model, self.q, estimate.q)
-        self.q[:] = pin.integrate(estimate.model, self.q, self._pull * difference)
-        self.v += self._pull * (estimate.v - self.v)
+        estimate, q, v = self.observer.robot, self.q, self.v
+        difference = pin.difference(estimate.model, q, estimate.q)
+        q[:] = pin.integrate(estimate.model, q, self._pull * difference)
+        v += self._pull * (estimate.v - v)

@@ -77,6 +77,11 @@ class Sensing:
         self.falls.reset()
         self.wrenches = self.measurement = self._asked = None
 
+    def tick(self) -> float:
+        """Begin a tick of the control, and return its time, s."""
+        self.time += self._dt
+        return self.time
+
     @property
     def stale(self) -> bool:
         """True if nothing was measured, or the observer has gone on by the measurements of another control."""

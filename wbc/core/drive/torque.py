@@ -11,7 +11,7 @@ from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
-from wbc.core.drive.control import ANOTHER, DriveControl, State
+from wbc.core.drive.control import ANOTHER, RESTART, DriveControl, State
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.observer import Observer
@@ -94,6 +94,8 @@ class HybridControl(TorqueControl):
 
     kp: Array = fixed(ANOTHER)
     kd: Array = fixed(ANOTHER)
+    q: Array = fixed(RESTART)
+    v: Array = fixed(RESTART)
 
     @checked
     def __init__(
@@ -145,17 +147,17 @@ class HybridControl(TorqueControl):
         self.q[:], self.v[:] = robot.q[7:], robot.v[BASE_DOF:]
 
     def _follow(self, state: State, solution: Solution) -> Command:
-        robot = self.controller.robot
+        robot, q, v = self.controller.robot, self.q, self.v
         velocity = robot.v[BASE_DOF:]
         step = solution.accelerations[BASE_DOF:] * self._dt
-        self.q += self._pull * (robot.q[7:] - self.q)
-        self.v += self._pull * (velocity - self.v)
-        self.q += (self.v + 0.5 * step) * self._dt
-        self.v += step
+        q += self._pull * (robot.q[7:] - q)
+        v += self._pull * (velocity - v)
+        q += (v + 0.5 * step) * self._dt
+        v += step
         # The servos of released joints are not ours: no torque of them counts in the gate.
         if (released := self.controller.released) is not None:
             index = released.index
-            self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
+            q[index], v[index] = robot.q[7 + index], velocity[index]
         return self._command(state, self._torques, (self.kp, self.kd))
 
     def _hold(self, state: State) -> Command:

@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
+from wbc.base.checked import result
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive, settings
 from wbc.base.vectors import Vector
@@ -92,10 +93,13 @@ class InertialFilter:
             A foot that begins to slip pulls it less than `velocity`.
         gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
         correction: Correction in the last period.
+        settings: Its `InertialSettings`, read-only; `Observer.retune` changes them.
     """
 
+    settings: InertialSettings = result("_settings", "`Observer.retune` changes it")
+
     def __init__(self, settings: InertialSettings | None = None) -> None:
-        self.settings = settings or InertialSettings()
+        self._settings = settings or InertialSettings()
         self.rotation: Array = np.eye(3)
         self.velocity: Array = np.zeros(3)
         self.steady = 0j
@@ -113,6 +117,10 @@ class InertialFilter:
         self._take(np.zeros(3) if velocity is None else np.array(velocity))
         self._last, self.correction = None, Correction()
 
+    def retune(self, settings: InertialSettings) -> None:
+        """Go on with other settings."""
+        self._settings = settings
+
     def _take(self, velocity: Array) -> None:
         """Take a velocity of the IMU point in the world over, shape (3,), m/s, as the steady one, too."""
         self.velocity, self.steady = velocity, complex(velocity[0], velocity[1])
@@ -126,7 +134,7 @@ class InertialFilter:
         """
         if self.correction.legs is None:
             return
-        self._rested = min(self._rested + self._dt, self.settings.bias_time_constant)
+        self._rested = min(self._rested + self._dt, self._settings.bias_time_constant)
         up = self.rotation[2]
         if self._dt > 0.0:
             self._turning += lag_gain(self._dt, NOISE_TIME) * (
@@ -173,7 +181,7 @@ class InertialFilter:
             slides: True while a foot slips. What it has added to the horizontal velocity is taken back to the steady
                 one; where feet rest again, the steady velocity follows at once.
         """
-        s, correction = self.settings, self.correction
+        s, correction = self._settings, self.correction
         before, correction.legs = correction.legs, legs
         if legs is None:
             if slides:

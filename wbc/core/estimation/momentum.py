@@ -37,9 +37,15 @@ class MomentumResidual:
         """Forget the momentum, and return to zero."""
         self.value[:], self.started = 0.0, False
 
-    def follow(self, momentum: Array) -> None:
-        """Take over a momentum, shape (size,), without learning from its change."""
+    def follow(self, momentum: Array, value: Array | None = None) -> None:
+        """Take over a momentum, shape (size,), without learning from its change, and a residual if one is given."""
         self._momentum, self.started = momentum, True
+        if value is not None:
+            self.value[:] = value
+
+    def shift(self, by: Array) -> None:
+        """Add a force to the residual, shape (size,), N and Nm."""
+        self.value += by
 
     def update(self, momentum: Array, known: Array, dt: float) -> Array:
         """Return the residual for one more momentum, dt, s, after that which it follows, under a known force."""

@@ -28,6 +28,7 @@ from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
+from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.foot import STILL, FootEstimate, SoleMotion, wrapped, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
@@ -164,7 +165,7 @@ class Observer:
     @checked
     def retune(self, settings: InertialSettings) -> None:
         """Change the time constants of attitude and velocity."""
-        self.inertial.settings = settings
+        self.inertial.retune(settings)
         self._settings = replace(self._settings, inertial=settings)
 
     @property
@@ -321,14 +322,17 @@ class Observer:
         self.rest = self._detector.update(motions, shares, velocity, steady, s.slip + self.sinking.speed, dt)
 
     def _check(self, m: Measurement) -> None:
+        time = stamp_of(m.time)
         for name, shape in zip(SIGNALS, self._shapes, strict=True):
             value = m.wrenches if name == "sole_wrench" else getattr(m, name)
-            if getattr(value, "shape", None) != shape or not np.isfinite(value).all():
+            good = type(value) is np.ndarray and value.dtype.kind in "iuf" and value.shape == shape
+            if not (good and np.isfinite(value).all()):
                 raise MeasurementError(
-                    f"measurement at {m.time} s: {name} must be finite, of shape {shape}, got {shown(value)}"
+                    f"measurement at {time} s: {name} must be an array of finite numbers, of shape {shape}, got "
+                    f"{shown(value)}"
                 )
-        if not math.isfinite(m.time) or (self.time is not None and m.time < self.time):
-            raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
+        if not math.isfinite(time) or (self.time is not None and time < self.time):
+            raise MeasurementError(f"time of a measurement must be finite and rise, got {time} s")
 
     def _correct(self, dt: float, first: bool) -> None:
         """Correct attitude and velocity by the feet that rest; feet that slip or strike the ground count otherwise.

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.numbers import Array
+from wbc.base.checked import fixed
+from wbc.base.numbers import Array, read_only
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.base.vectors import Vector, add_cross
 from wbc.core.estimation.momentum import LIFT_OFF, TOUCH_DOWN, MomentumResidual
@@ -42,6 +43,43 @@ class OutsideSettings:
     least_load: Share = 0.8
 
 
+class _Tare:
+    """Wrench of empty hands: a mean over some time.
+
+    Attributes:
+        value: The wrench, [force; moment] in the heading of the base, shape (6,), N and Nm.
+    """
+
+    def __init__(self, settings: OutsideSettings) -> None:
+        """Begin without a wrench."""
+        self._settings, self.value = settings, np.zeros(6)
+        self.begin(empty=False)
+
+    def begin(self, *, empty: bool) -> None:
+        """Average anew; hands that are known to be `empty` may seem to bear anything."""
+        self._sum, self._time, self._empty = np.zeros(6), 0.0, empty
+
+    @property
+    def ready(self) -> bool:
+        """True when the mean has been taken."""
+        return self._time >= self._settings.tare
+
+    def add(self, wrench: Array, weight: float, dt: float) -> None:
+        """Average a wrench over dt, s, and take the mean over when there is enough, but not of hands that bear."""
+        self._sum += dt * wrench
+        self._time += dt
+        if not self.ready:
+            return
+        mean = self._sum / self._time
+        borne = -float(mean[2])
+        if self._empty or abs(borne) <= self._settings.largest * weight:
+            self.value = mean
+            return
+        self.value = np.zeros(6)
+        what = "the hands bear" if borne > 0.0 else "the robot is held by"
+        logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
+
+
 class OutsideWrench:
     """Observer of the outside wrench of one robot: what the surroundings do to it besides the ground under its feet.
 
@@ -61,8 +99,10 @@ class OutsideWrench:
     Attributes:
         settings: Its `OutsideSettings`.
         wrench: [force; moment about the CoM] on the robot, in the world, without the tare, shape (6,), N and Nm.
-        tare: Wrench of empty hands, [force; moment] in the heading of the base, shape (6,), N and Nm.
+        tare: Wrench of empty hands, [force; moment] in the heading of the base, shape (6,), N and Nm; read-only.
     """
+
+    settings: OutsideSettings = fixed("make another observer")
 
     def __init__(self, robot: Robot, settings: OutsideSettings | None = None) -> None:
         """Start with empty hands; `update` reads the state of the estimated robot."""
@@ -75,22 +115,25 @@ class OutsideWrench:
     def reset(self) -> None:
         """Forget everything, the tare too."""
         self.wrench = np.zeros(6)
-        self.tare = np.zeros(6)
+        self._tare = _Tare(self.settings)
         self._residual.reset()
         self._loaded = [True] * len(self._soles)
-        self._time, self._waits, self._tared = 0.0, 0.0, 0.0
-        self._sum = np.zeros(6)
-        self._told = False  # that the hands are empty
+        self._time, self._waits = 0.0, 0.0
+
+    @property
+    def tare(self) -> Array:
+        """See the attributes of the class."""
+        return read_only(self._tare.value)
 
     @property
     def ready(self) -> bool:
         """True when the tare has been taken."""
-        return self._tared >= self.settings.tare
+        return self._tare.ready
 
     def take_tare(self) -> None:
         """Take the tare anew from now on: the hands are empty, whatever they seem to bear."""
-        self._sum, self._tared, self._time = np.zeros(6), 0.0, self.settings.settling
-        self._told = True
+        self._time = self.settings.settling
+        self._tare.begin(empty=True)
 
     def explain(self, wrench: Vector) -> None:
         """Take a wrench off the estimate, [force; moment about the CoM] in the world, that the model accounts for now.
@@ -99,7 +142,7 @@ class OutsideWrench:
         """
         if self._residual.started:
             self._residual.follow(self._momentum_now())
-        self._residual.value -= wrench
+        self._residual.shift(-wrench)
         self.wrench = self.wrench - wrench
 
     def update(self, wrenches: Array, dt: float) -> None:
@@ -120,11 +163,10 @@ class OutsideWrench:
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         self._residual.update(momentum, known, dt)
         ahead = direction(robot.data.oMi[1].rotation)
-        if self._tared < s.tare:
-            if self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
-                self._learn(ahead.conjugate(), weight, dt)
-            return
-        self.wrench = self._residual.value - _turned(self.tare, ahead)
+        if self.ready:
+            self.wrench = self._residual.value - _turned(self._tare.value, ahead)
+        elif self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
+            self._tare.add(_turned(self._residual.value, ahead.conjugate()), weight, dt)
 
     def _momentum_now(self) -> Array:
         """[linear; angular about the CoM] of the model as it is, in the world, kg m/s and kg m²/s."""
@@ -140,21 +182,6 @@ class OutsideWrench:
         fx, fy, fz, *moment = net_wrench(wrenches, self._soles).tolist()
         x, y, z = com
         return (fx, fy, fz), add_cross(moment, (-x, -y, -z), (fx, fy, fz)), touched
-
-    def _learn(self, back: complex, weight: float, dt: float) -> None:
-        """Average the residual in the heading of the base, to which `back` turns."""
-        self._sum += dt * _turned(self._residual.value, back)
-        self._tared += dt
-        if self._tared < self.settings.tare:
-            return
-        tare = self._sum / self._tared
-        borne = -float(tare[2])
-        if self._told or abs(borne) <= self.settings.largest * weight:
-            self.tare = tare
-            return
-        self.tare = np.zeros(6)
-        what = "the hands bear" if borne > 0.0 else "the robot is held by"
-        logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
 
 
 def _turned(wrench: Array, turn: complex) -> Array:

@@ -131,6 +131,8 @@ class WrenchEstimator:
         dt is the control period, s. Gains are kp and kd for commands that bring none, each of shape (na,), those of the
         robot's servos, or zero, when None. The delay is the sum of those of measurement and command, s.
         """
+        if not dt > 0.0:
+            raise InputError(f"dt of a WrenchEstimator must be positive, got {dt} s")
         self.settings = s = settings or WrenchSettings()
         if s.lift_off > s.touch_down:
             raise InputError(f"lift_off must not exceed touch_down, got {s.lift_off:g} and {s.touch_down:g}")
@@ -245,8 +247,7 @@ class WrenchEstimator:
         if self._robot.springs is not None or self._robot.damping is not None:
             known[BASE_DOF:] -= self._robot.passive_torques(q, v)
         if not residual.started:
-            residual.follow(momentum)
-            np.negative(known, out=residual.value)  # that of a robot at rest
+            residual.follow(momentum, -known)  # the residual of a robot at rest
             return residual.value
         if abs(passed - dt) > ON_TIME * dt:
             dt = min(max(passed, 0.25 * dt), 4.0 * dt)

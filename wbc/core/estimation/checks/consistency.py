@@ -80,9 +80,11 @@ class LoadThresholds(NamedTuple):
 
 CALM, LOADS = CalmThresholds(), LoadThresholds()
 
-SLIPS, SLIPPED = 0.02, 0.3
-"""Time for which a foot that carries must slip until it is named, and time for which it is named after that, s. In
-walks a foot seems to slip for 0.006 s at most."""
+SLIPS = 0.02
+"""Time for which a foot that carries must slip until it is named, s; in walks it seems to for 0.006 s at most."""
+
+SLIPPED = 0.3
+"""Time for which a foot that has slipped is named, s."""
 
 
 class ConsistencyMonitor:
@@ -111,13 +113,12 @@ class ConsistencyMonitor:
         """Forget the past."""
         self.doubts: tuple[str, ...] = ()
         self._time, self._sensed = math.nan, False
-        self._parts = [1.0 / len(self._names)] * len(
-            self._names
-        )  # of the weight that the feet bear, low-passed
+        n = len(self._names)
+        self._parts = [1.0 / n] * n  # of the weight that the feet bear, low-passed
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
-        self._slips, self._slipped = [0.0] * len(self._names), [0.0] * len(self._names)
+        self._slips, self._slipped = [0.0] * n, [0.0] * n
         for part in (self._frozen, self._integrals, self._legs, self._gyroscope):
             part.reset()
 
@@ -136,7 +137,8 @@ class ConsistencyMonitor:
         passed, self._time = measurement.time - self._time, measurement.time
         base = None if commanded is None else (commanded[:6], observer.robot.v[:6])
         doubts = self._frozen.update(values)
-        drifts = self._integrals.update(values, base, passed)
+        self._integrals.update(values, base, passed)
+        drifts = self._integrals.drifts
         if self._integrals.behind >= UNMET:
             doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":

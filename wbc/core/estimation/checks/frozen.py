@@ -10,12 +10,17 @@ import numpy as np
 from wbc.base.numbers import Array, scalar
 from wbc.core.robot import Robot
 
-FROZEN_AFTER, BUSY = 20, 0.8
-"""Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
-must have changed: noise changes a reading in every tick, one that is rounded comes to rest by and by."""
+FROZEN_AFTER = 20
+"""Ticks for which a reading must stay the same to the bit to count as frozen."""
 
-BUSY_GAIN, NAMED = 0.02, 6
-"""Gain of that share in a tick, and number of frozen sensors that are named."""
+BUSY = 0.8
+"""Share of the ticks before in which it must have changed: one that is rounded comes to rest by and by."""
+
+BUSY_GAIN = 0.02
+"""Gain of that share in a tick."""
+
+NAMED = 6
+"""Number of frozen sensors that are named."""
 
 _ONE = scalar(1.0)
 

@@ -199,16 +199,16 @@ class LegComparison:
         leg.carried += dt if share > TURN.supports else 0.0
         return leg.since >= TURN.lasting
 
-    def compare(self, shares: Sequence[float], gravity: float) -> None:
+    def compare(self, parts: Sequence[float], gravity: float) -> None:
         """Compare the force sensors with the motion of the feet in one tick.
 
         Args:
-            shares: Parts of the weight that the force sensors report, after a low-pass.
+            parts: Parts of the weight that the force sensors report, after a low-pass.
             gravity: Vertical specific force over gravity, after a low-pass.
         """
-        carrying = 0 if shares[0] > shares[1] else 1
-        few = shares[1 - carrying] < CARRIER.silent
-        alone = carrying if few and shares[carrying] > CARRIER.alone else None
+        carrying = 0 if parts[0] > parts[1] else 1
+        few = parts[1 - carrying] < CARRIER.silent
+        alone = carrying if few and parts[carrying] > CARRIER.alone else None
         if alone != self._alone and alone is not None:  # its swing is over
             for leg in self._legs:
                 leg.parted = leg.smooth = STILL
@@ -216,7 +216,7 @@ class LegComparison:
         sizes = [math.hypot(*leg.smooth) for leg in self._legs]
         moves = alone is not None and sizes[carrying] > max(CARRIER.moves, CARRIER.more * sizes[1 - carrying])
         nearly = abs(gravity - 1.0) < CARRIER.nearly
-        missing = few and self.together and nearly and shares[0] + shares[1] < 1.0 - CARRIER.missing
+        missing = few and self.together and nearly and parts[0] + parts[1] < 1.0 - CARRIER.missing
         for i, wrong in enumerate((moves, missing)):
             self._since[i] = self._since[i] + self._dt if wrong else 0.0
         self.swapped = self._since[0] >= CARRIER.lasting

@@ -76,9 +76,14 @@ RESTS = 1e-4
 QUIET = 1.0
 """Time for which a sensor must have been good before the log names it again, s."""
 
-PULLED, PULL_TIME = 0.25, 0.1
-"""Force by which the ground cannot pull a foot, as a share of the weight, and time for which a sensor must read it
-until it is named, s. In the air a sensor reads the inertia of the sole below it, for a shorter time."""
+PULLED = 0.25
+"""Force by which the ground cannot pull a foot, as a share of the weight."""
+
+PULL_TIME = 0.1
+"""Time for which a sensor must read such a pull until it is named, s.
+
+In the air a sensor reads the inertia of the sole below it, for a shorter time.
+"""
 
 HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
 """Advice of the first message about a sensor."""
@@ -160,7 +165,7 @@ class Plausibility:
         self._identical, self._changed_at, self._sudden = 0, math.nan, False
         self._older: Array | None = None  # readings before the last ones
         self._last_for(np.zeros(len(self._channels)))
-        self._unformed = ""  # what is wrong with the wrenches on the soles as they came
+        self._repeated: tuple[str, ...] = ()  # the sentence that the last tick brought nothing new
 
     def check(
         self, measurement: Measurement, *, felt: bool = True, forgiven: NDArray[np.bool_] | None = None
@@ -174,7 +179,7 @@ class Plausibility:
         refused than `hold`. Raises `MeasurementError` for one that cannot be used: of a wrong kind, a time stamp that
         jumped, other readings refused for longer than `hold`, or the same again and again.
         """
-        m = self._formed(measurement)
+        m, unformed = self._formed(measurement)
         wrenches = m.wrenches.reshape(-1)
         values = np.concatenate(
             (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, wrenches)
@@ -189,6 +194,7 @@ class Plausibility:
         renewed = stamps.take(stamp, first=last is None, same=same)
         if stamps.time is not m.time:
             m = replace(m, time=stamps.time)
+        self._repeated = ()
         if same:
             self._check_frozen(values, stamp)
         else:
@@ -197,7 +203,8 @@ class Plausibility:
             self._values = values
         else:
             passed = stamps.time - before
-            m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt, forgiven)
+            passed = passed if passed > 0.0 and not renewed else self._dt
+            m = self._repair(m, values, passed, forgiven, unformed)
         if felt and m.sole_wrench is not None:
             self._check_pull(m.sole_wrench)
         m, faults = self._optional.check(m)
@@ -234,8 +241,8 @@ class Plausibility:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Signals that are refused at present, such as "encoder of left_knee"; empty when all is well."""
-        return self._faults + self._optional_faults
+        """What is refused at present, such as "encoder of left_knee", or a measurement that repeats the last one."""
+        return self._faults + self._optional_faults + self._repeated
 
     @property
     def values(self) -> Array:
@@ -261,8 +268,8 @@ class Plausibility:
             values[~good] = np.nan
         return values[:n], values[n:]
 
-    def _formed(self, m: Any) -> Measurement:
-        """Return the measurement with arrays of the right type and shape."""
+    def _formed(self, m: Any) -> tuple[Measurement, str]:
+        """Return the measurement with arrays of the right type and shape, and what is wrong with its wrenches."""
         if not isinstance(m, Measurement):
             raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
         given = m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench
@@ -270,13 +277,14 @@ class Plausibility:
             if type(got) is not np.ndarray or got.dtype is not FLOAT64 or got.shape != of_shape:
                 shapes = dict(zip(SIGNALS, self._shapes, strict=True))
                 arrays: dict[str, Any] = {name: numbers_of(m, name, shapes[name]) for name in SIGNALS[:-1]}
+                unformed = ""
                 try:
                     arrays[SIGNALS[-1]] = numbers_of(m, SIGNALS[-1], shapes[SIGNALS[-1]])
                 except MeasurementError as error:
-                    self._unformed = str(error)
+                    unformed = str(error)
                     arrays[SIGNALS[-1]] = np.full(shapes[SIGNALS[-1]], np.nan)
-                return replace(m, **arrays)
-        return m
+                return replace(m, **arrays), unformed
+        return m, ""
 
     def _check_frozen(self, values: Array, stamp: float) -> None:
         """Count a measurement that repeats the last one, and raise where sensors that work do not repeat themselves.
@@ -291,15 +299,15 @@ class Plausibility:
             most = older is not None and 2 * np.count_nonzero(values != older) > values.size
             self._sudden = bool(most and np.abs(speeds).max() > RESTS)
         if self._identical >= self.settings.frozen_after and (self._sudden or stamp == self._changed_at):
-            self._faults = ("the same measurement again",)
+            self._repeated = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
 
-    def _reason(self, channel: int, values: Array, wrong: NDArray[np.bool_]) -> Refusal:
+    def _reason(self, channel: int, values: Array, wrong: NDArray[np.bool_], unformed: str) -> Refusal:
         """Return why a sensor is refused, by the number of it that is farthest beyond its bounds, or is none."""
         numbers = np.flatnonzero(wrong & (self._groups == channel))
         beyond = np.abs(values - self._middle)[numbers] / self._bound[numbers]
         worst = int(numbers[np.argmax(np.nan_to_num(beyond, nan=np.inf))])
-        why = self._unformed if channel >= 2 * self._na + 2 else ""
+        why = unformed if channel >= 2 * self._na + 2 else ""
         value, (middle, last) = float(values[worst]), self._centres[:, worst].tolist()
         bound, travel = self._most[:, worst].tolist()
         low, high = middle - bound, middle + bound
@@ -317,16 +325,20 @@ class Plausibility:
         self._refused_at |= {each.sensor: time for each in reasons}
 
     def _repair(
-        self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None
+        self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None, unformed: str
     ) -> Measurement:
-        """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
+        """Replace impossible readings by predictions over the time that has passed, s, or give up if they last.
+
+        Joints of `others` are forgiven; `unformed` is what is wrong with the wrenches as they came.
+        """
         na, last = self._na, self._values
         wrong: NDArray[np.bool_] = ~np.logical_and.reduce(self._excess <= 0.0)  # NaN is wrong
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
-        self.reasons = tuple(self._reason(channel, values, wrong) for channel in np.flatnonzero(bad).tolist())
-        self._unformed = ""
+        self.reasons = tuple(
+            self._reason(channel, values, wrong, unformed) for channel in np.flatnonzero(bad).tolist()
+        )
         self._say(m.time, self.reasons)
         self._last_for(np.where(bad, self._lasting + dt, 0.0))
         self._faults = names
