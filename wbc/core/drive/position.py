@@ -73,7 +73,7 @@ class PositionControl(DriveControl):
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"
             )
-        if controller.robot.servos is not None:
+        if controller.robot.servos is not None:  # ahead of the base, which marks the controller as driven
             controller.robot.servos.check_position_control()
         super().__init__(controller, observer, failure_policy, safety)
         self.feedback = feedback

@@ -27,7 +27,7 @@ SPEED = 100.0
 
 
 class FallReason(enum.Enum):
-    """Reason of a fall."""
+    """Reason of a fall: a control finds the first three by its estimate, and a simulation the other two."""
 
     DIVERGED = "the simulation diverged"
     SOLVER = "the QP failed"

@@ -102,7 +102,7 @@ class Observer:
         settings: Its `ObserverSettings`.
         inertial: Attitude, velocity and gyro bias of the IMU.
         rest: Feet that rest in this tick, the references of the estimate, and those that move.
-        load_shares: Shares of the load that the feet bear; also of a foot that moves.
+        load_shares: Shares of the load that the feet bear in this tick; also of a foot that moves.
         sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
         time: Time stamp of the last measurement, s; None before one.
@@ -175,13 +175,13 @@ class Observer:
 
     @property
     def foot_velocities(self) -> list[Vector]:
-        """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, along the world axes, m/s."""
+        """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, in the world, m/s; a new list."""
         x, y, z = self._imu_motion
         return [(u - x, v - y, w - z) for u, v, w in (motion.velocity for motion in self._motions)]
 
     @property
     def foot_rotations(self) -> list[Vector]:
-        """Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s."""
+        """Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s; a new list."""
         return [motion.rotation for motion in self._motions]
 
     @property

@@ -59,8 +59,9 @@ class Sinking:
         """Forget the ground."""
         self.compliance = self.steady = 0.0
         self._start: tuple[float, float] | None = None  # of a change of the load that goes on
-        self._lasted = self._products = self._squares = self._far = 0.0  # of this change
-        self._count, self._time, self._mean, self._long, self._square = 0, 0.0, 0.0, 0.0, 0.0
+        self._lasted = self._products = self._squares = self._most_change = 0.0  # of this change
+        self._count, self._total_time = 0, 0.0  # of changes
+        self._recent_mean = self._steady_mean = self._mean_square = 0.0  # of their slopes
 
     @property
     def speed(self) -> float:
@@ -75,13 +76,13 @@ class Sinking:
         force, height = loads[0] - loads[1], heights[0] - heights[1]
         if self._start is None:
             self._start, self._lasted = (force, height), 0.0
-            self._products = self._squares = self._far = 0.0
+            self._products = self._squares = self._most_change = 0.0
         force, height = force - self._start[0], height - self._start[1]
         self._lasted += dt
         self._products -= force * height
         self._squares += force * force
-        self._far = max(self._far, abs(force))
-        if self._count == 0 and self._far >= FIRST * self._weight:
+        self._most_change = max(self._most_change, abs(force))
+        if self._count == 0 and self._most_change >= FIRST * self._weight:
             found = min(self._products / self._squares, self._most)
             self.compliance = found if found > LEAST / self._weight else 0.0
 
@@ -90,15 +91,15 @@ class Sinking:
         if self._start is None:
             return
         self._start = None
-        if self._far < SHIFT * self._weight:
+        if self._most_change < SHIFT * self._weight:
             return
         found = min(max(self._products / self._squares, -self._most), self._most)
-        self._count, self._time = self._count + 1, self._time + self._lasted
+        self._count, self._total_time = self._count + 1, self._total_time + self._lasted
         share, least = max(1.0 / self._count, UNCHANGED), LEAST / self._weight
-        self._mean += max(share, CHANGING) * (found - self._mean)
-        self._long += share * (found - self._long)
-        self._square += share * (found * found - self._square)
-        scatter = math.sqrt(max(self._square - self._long**2, 0.0))
-        sure = self._time >= SURE and self._long > max(CLEAR * scatter, least)
-        self.steady = self._long if sure else 0.0
-        self.compliance = self.steady or (self._mean if self._mean > least else 0.0)
+        self._recent_mean += max(share, CHANGING) * (found - self._recent_mean)
+        self._steady_mean += share * (found - self._steady_mean)
+        self._mean_square += share * (found * found - self._mean_square)
+        scatter = math.sqrt(max(self._mean_square - self._steady_mean**2, 0.0))
+        sure = self._total_time >= SURE and self._steady_mean > max(CLEAR * scatter, least)
+        self.steady = self._steady_mean if sure else 0.0
+        self.compliance = self.steady or (self._recent_mean if self._recent_mean > least else 0.0)

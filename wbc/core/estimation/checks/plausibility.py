@@ -102,7 +102,7 @@ class Plausibility:
     """
 
     def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
-        """Take the ranges from a robot; dt is the control period, s."""
+        """Take the ranges from a robot with feet; dt is the control period, s."""
         self.settings = s = settings or PlausibilitySettings()
         self._dt = dt
         self.stamps = Stamps(dt, s.max_gap, s.resync)
