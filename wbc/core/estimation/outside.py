@@ -142,7 +142,7 @@ class OutsideWrench:
         """
         if self._residual.started:
             self._residual.follow(self._momentum_now())
-        self._residual.shift(-wrench)
+        self._residual.shift(-np.asarray(wrench))
         self.wrench = self.wrench - wrench
 
     def update(self, wrenches: Array, dt: float) -> None:
