@@ -328,8 +328,8 @@ class Observer:
             good = type(value) is np.ndarray and value.dtype.kind in "iuf" and value.shape == shape
             if not (good and np.isfinite(value).all()):
                 raise MeasurementError(
-                    f"measurement at {time} s: {name} must be an array of finite numbers, of shape {shape}, got "
-                    f"{shown(value)}"
+                    f"measurement at {time} s: {name} must be finite, of shape {shape} and an array of real numbers, "
+                    f"got {shown(value)}"
                 )
         if not math.isfinite(time) or (self.time is not None and time < self.time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {time} s")
