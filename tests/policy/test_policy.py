@@ -28,8 +28,16 @@ from properties import each_once
 import wbc
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
-from wbc.policy import OnnxNetwork, PolicyControl, PolicyDescription, Term
-from wbc.policy.terms import GaitClock
+from wbc.policy import (
+    HeightScan,
+    OnnxNetwork,
+    PolicyControl,
+    PolicyDescription,
+    PolicyFilter,
+    PolicyGuard,
+    Term,
+)
+from wbc.policy.references import GaitClock
 
 pytest.importorskip("onnxruntime")
 
@@ -132,16 +140,17 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
 
 def test_the_clock_of_a_gait_runs_while_the_robot_walks_and_its_feet_are_half_a_period_apart() -> None:
     clock = GaitClock(0.8, 0.02)
-    phase = clock.tick(np.zeros(2), stands=True)
-    assert (phase == math.pi).all()
-    phase = clock.tick(phase, stands=False)
-    np.testing.assert_allclose(phase, [0.0, math.pi])
+    assert (clock.phase == math.pi).all()
+    np.testing.assert_allclose(clock.tick(stands=False), [0.0, math.pi])
     for k in range(1, 100):
-        phase = clock.tick(phase, stands=False)
+        phase = clock.tick(stands=False)
         turned = 2.0 * math.pi * 0.02 * k / 0.8
         np.testing.assert_allclose(np.cos(phase), [math.cos(turned), -math.cos(turned)], atol=1e-9)
         assert (np.abs(phase) <= math.pi + 1e-12).all()
-    assert (clock.tick(phase, stands=True) == math.pi).all()
+    assert (clock.tick(stands=True) == math.pi).all()
+    clock.tick(stands=False), clock.tick(stands=False)
+    assert (clock.begin() == math.pi).all()
+    np.testing.assert_allclose(clock.tick(stands=False), [0.0, math.pi])
 
 
 def test_velocities_beyond_those_of_the_policy_are_asked_for_at_their_most() -> None:
@@ -152,6 +161,60 @@ def test_velocities_beyond_those_of_the_policy_are_asked_for_at_their_most() -> 
     np.testing.assert_allclose(policy.observed.command, [0.5, -0.2, 0.1])
     policy.velocity = None
     assert policy.velocity is None and not policy.observed.command.any()
+    assert policy.velocity_limits == (0.5, 0.5, 0.2, 0.4)
+    one_sided = described(fastest=(1.5, 0.3, 0.2), slowest=(-0.5, 0.0, -0.4))
+    plant, policy = control(Known(9 + 3 * n, n), one_sided)
+    policy.velocity = (-9.0, -9.0, -9.0)
+    np.testing.assert_allclose(policy.observed.command, [-0.5, 0.0, -0.4])
+    policy.velocity = (9.0, 9.0, 9.0)
+    np.testing.assert_allclose(policy.observed.command, [1.5, 0.3, 0.2])
+    assert policy.velocity_limits == (1.5, 0.5, 0.0, 0.2)
+
+
+def test_a_policy_is_asked_for_no_velocity_of_its_own_in_a_stand() -> None:
+    """It falls behind as it walks, and is asked for more; in a stand its clock rests, whatever it drifts by."""
+    n = len(LEGS)
+    seen = [Term("command"), Term("phase_cosine")]
+    plant, policy = control(Known(5, n), described(observation=seen, phase=0.8), regain=0.5)
+    policy.velocity = (0.5, 0.0, 0.0)
+    while plant.time < 0.4:
+        plant.step(policy.command(plant.measure()))
+    assert policy.observed.command[0] > 0.55
+    policy.velocity = None
+    policy.network.seen.clear()
+    while plant.time < 0.8:
+        plant.step(policy.command(plant.measure()))
+    assert (np.array(policy.network.seen) == [0.0, 0.0, 0.0, -1.0, -1.0]).all()
+    policy.velocity = (0.5, 0.0, 0.0)
+    while policy.network.seen[-1][0] == 0.0:
+        plant.step(policy.command(plant.measure()))
+    assert policy.network.seen[-1][0] < 0.52  # what lacked before the stand is forgotten
+
+
+def test_what_a_policy_shows_is_not_what_it_commands() -> None:
+    n = len(LEGS)
+    plant, policy = control(Known(9 + 3 * n, n), described())
+    before = policy.command(plant.measure())
+    policy.changed[:] = 7.0
+    after = policy.command(plant.measure())
+    np.testing.assert_allclose(after.joint_torque, before.joint_torque, atol=1e-9)
+    np.testing.assert_allclose(after.joint_velocity, 0.0, atol=1e-12)
+
+
+RUNNING = {"policy": (made := control(Known(9 + 3 * N, N), described())[1]), "guard": PolicyGuard(made)}
+PARTS = ("controller", "drives", "description", "network", "ground", "contacts")
+
+
+@pytest.mark.parametrize(
+    ("of", "name"),
+    [("policy", name) for name in PARTS]
+    + [("guard", name) for name in ("policy", "walking")]
+    + [("filter", name) for name in ("arms", "limits", "speed", "margin", "reaction")],
+)
+def test_parts_of_a_policy_are_not_swapped_in_a_run(of: str, name: str) -> None:
+    made = PolicyFilter(["left_elbow_joint"]) if of == "filter" else RUNNING[of]
+    with pytest.raises((InputError, AttributeError), match=name):
+        setattr(made, name, None)
 
 
 def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_end() -> None:
@@ -216,7 +279,8 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
     beside = f"phase = 0.9\nobservation = [{names}]\n"
     (tmp_path / "a.toml").write_text(f"{beside}[default]\nleft_knee_joint = 0.5\n", encoding="utf-8")
     description = PolicyDescription.of(file)
-    assert description.joints == LEGS and description.fastest == (0.8, 0.5, 1.0) and description.phase == 0.9
+    assert description.joints == LEGS and description.phase == 0.9
+    assert (description.fastest, description.slowest) == ((0.8, 0.5, 1.0), (-1.0, -0.5, -1.0))
     assert description.default[LEGS.index("left_knee_joint")] == 0.5 and sum(description.default) == 0.5
     assert [term.name for term in description.observation] == [
         "joint_position",
@@ -224,6 +288,11 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
         "angular_velocity",
     ]
     PolicyControl(G1.robot(), file, DT)
+    (tmp_path / "a.toml").write_text(
+        f"fastest = [0.3, 0.2, 0.1]\ndefault = {[0.0] * n}\n{beside}", encoding="utf-8"
+    )
+    description = PolicyDescription.of(file)
+    assert (description.fastest, description.slowest) == ((0.3, 0.2, 0.1), None)  # of one source
 
     mjlab = {
         "joint_names": ",".join(LEGS),
@@ -241,6 +310,9 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
         and description.default == (0.1,) * n
     )
     PolicyControl(G1.robot(), file, DT)
+
+
+RANGES = ("lin_vel_x", "lin_vel_y", "ang_vel_z")
 
 
 def deploy_file(**changes: Any) -> dict[str, Any]:
@@ -272,6 +344,7 @@ def test_a_deploy_file_gives_each_joint_its_own_gains() -> None:
         own = description.joints.index(name)
         assert (description.kp[own], description.kd[own]) == (50.0 + k, 1.0 + k)
     assert (description.period, description.fastest) == (0.04, (1.5, 0.3, 0.2))
+    assert description.slowest == (-0.5, 0.0, -0.2)
     assert description.observation == (
         Term("angular_velocity", (0.2, 0.2, 0.2), 5),
         Term("joint_position", clip=9.0),
@@ -298,6 +371,10 @@ def test_a_deploy_file_gives_each_joint_its_own_gains() -> None:
         ({"commands": None}, "commands"),
         ({"commands": {"base_velocity": {}}}, "commands.base_velocity.ranges"),
         ({"commands": {"base_velocity": {"ranges": {"lin_vel_x": [0, 1]}}}}, "ang_vel_z"),
+        *(
+            ({"commands": {"base_velocity": {"ranges": dict.fromkeys(RANGES, given)}}}, "least and greatest")
+            for given in ([1, -1], [0, math.nan], [-math.inf, 1], [0.5], [0, 1, 2], ["a", "b"], "ab", 3)
+        ),
         ({"actions": {}}, "actions.JointPositionAction"),
         ({"actions": {"JointPositionAction": None}}, "actions.JointPositionAction"),
         ({"actions": deploy_file()["actions"] | {"JointVelocityAction": {}}}, "JointVelocityAction"),
@@ -351,6 +428,8 @@ def test_a_network_of_a_file_is_its_function(tmp_path: Path) -> None:
         ({"action_scale": 0.0}, "action_scale"),
         ({"action_scale": [0.1]}, "action_scale"),
         ({"phase": -1.0}, "phase"),
+        ({"slowest": (0.1, 0.0, 0.0)}, "slowest"),
+        ({"slowest": (-1.0, 0.0)}, "slowest"),
     ],
 )
 def test_descriptions_that_cannot_be_are_refused(values: dict[str, Any], named: str) -> None:
@@ -377,6 +456,11 @@ def test_descriptions_that_cannot_be_are_refused(values: dict[str, Any], named: 
         ),
         (lambda: PolicyControl(G1.robot(), Known(3, 3), DT), InputError),
         (lambda: control("nowhere.onnx", described()), InputError),
+        (lambda: HeightScan(length=1e6, resolution=1e-3), InputError),
+        (
+            lambda: control(Known(3, N), described(observation=[Term("gravity", history=10_000_000)])),
+            InputError,
+        ),
     ],
 )
 def test_policies_that_do_not_fit_are_refused_before_the_first_tick(make: Any, error: type[WbcError]) -> None:

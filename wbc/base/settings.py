@@ -271,8 +271,10 @@ def _place_in(value: Any, hint: Any, loc: Sequence[int | str]) -> tuple[str, str
             place += f"[{part!r}]"
         else:
             continue
-        known = isinstance(value, (list, tuple)) or (isinstance(value, Mapping) and part in value)
-        value = value[part] if known else None
+        try:
+            value = value[part]
+        except (LookupError, TypeError):  # a part that lacks
+            value = None
     return place, unit, owner
 
 

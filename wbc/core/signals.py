@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import FLOAT64, Array
+from wbc.core.robot import GRAVITY, Robot
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
@@ -69,6 +70,14 @@ class Measurement:
     joint_torque: Array | None = None
     wrench_source: WrenchSource = "sensor"
     hand_wrenches: Array | None = None
+
+    @classmethod
+    def resting(cls, robot: Robot) -> Measurement:
+        """Return the readings of a robot at rest in its configuration at time 0, its weight on all soles."""
+        wrench = np.zeros((len(robot.soles), 6))
+        wrench[:, 2] = robot.mass * GRAVITY / len(wrench)
+        up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
+        return cls(0.0, np.array(robot.q[robot.base_nq :]), np.zeros(robot.na), np.zeros(3), up, wrench)
 
     @property
     def wrenches(self) -> Array:

@@ -13,7 +13,7 @@ from wbc.base.numbers import Array
 from wbc.core.drive.control import Control
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.frames import yaw_rotation
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
@@ -111,16 +111,14 @@ def standing(robot: Robot, q: Array) -> Array:
 
 
 def warm_up(control: Control, robot: Robot, period: float, *, forces: bool) -> None:
-    """Run some ticks on a robot at rest, so that the first real ones do not load code and memory.
+    """Run some ticks on a robot at rest where it is, so that the first real ones do not load code and memory.
 
     A control that cannot be reset afterwards is left alone; `forces` tells whether the robot has force sensors.
     """
     if not control.restarts:
         return
-    wrench = np.zeros((len(robot.soles), 6))
-    wrench[:, 2] = robot.mass * GRAVITY / len(robot.soles)
-    up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
-    rest, zero = np.array(robot.half_sitting[7:]), np.zeros(robot.na)
+    resting = Measurement.resting(robot)
     for i in range(20):
-        control.command(Measurement(i * period, rest, zero, np.zeros(3), up, wrench if forces else None))
+        wrench = resting.sole_wrench if forces else None
+        control.command(replace(resting, time=i * period, sole_wrench=wrench))
     control.reset()

@@ -9,7 +9,9 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Progress
 
 CARRIES = 0.06
-"""Share of the robot's weight from which on a foot carries; feet in the air feel the inertia of their soles."""
+"""Share of the robot's weight from which on a foot carries; feet in the air feel the inertia of their soles.
+
+It has no hysteresis: a load that goes to and fro about it makes no step, since that takes `STEP` in the air."""
 
 STEP = 0.1
 """Least time in the air of a foot that makes a step, s: an impact may throw a foot off the ground for a moment."""

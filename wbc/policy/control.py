@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, WbcError, names_in
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Period, Positive
@@ -36,8 +36,8 @@ from wbc.policy.filter import FilterController, PolicyFilter
 from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.observation import Observation
-from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
-from wbc.policy.terms import STANDING, GaitClock, Observed
+from wbc.policy.references import Frames, GaitClock, ScannedGround, Tracked, clip_frames, network_frames
+from wbc.policy.terms import Observed
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
 from wbc.walking.steered import SteeredControl
@@ -52,6 +52,9 @@ STILL = 0.01
 
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
+
+ANOTHER = "make another control"
+"""What to do in place of the assignment of a part."""
 
 
 class PolicyError(WbcError):
@@ -90,7 +93,12 @@ class PolicyControl(SteeredControl):
     """
 
     restarts = True
-    drives: TorqueControl
+    drives: TorqueControl = fixed(ANOTHER)
+    description: PolicyDescription = fixed(ANOTHER)
+    network: Network = fixed(ANOTHER)
+    contacts: FootContacts = fixed(ANOTHER)
+    ground: KnownGround | None = fixed(ANOTHER)
+    controller: Controller = fixed(ANOTHER)
 
     @checked
     def __init__(
@@ -127,7 +135,8 @@ class PolicyControl(SteeredControl):
                 rest in its default posture, and the arms that it moves where they are. A policy that has trained with
                 other arms walks elsewhere than it is asked to.
             regain: Share of the missing velocity that is asked for as well after 1 s, 1/s, as for a load in the hands,
-                which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM.
+                which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM. Nothing
+                is asked for as well in a stand.
             longest: Longest time that the network may take, s; on a machine at most the period of the policy. None
                 for any time. A longer one fails the tick, and a guard takes over.
             observer: Observer of the robot's state; a new one when None.
@@ -139,51 +148,43 @@ class PolicyControl(SteeredControl):
                 another width than that of the network, a motion or a ground that lacks or that nothing observes, or a
                 period of the policy that is no multiple of the control period.
         """
-        network: Network
-        if isinstance(policy, (str, Path)):
-            network = read = OnnxNetwork(policy)
-            if description is None:
-                description = PolicyDescription.of(policy, read.metadata)
-        else:
-            network = policy
-            if description is None:
-                raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
         if arms and filter is not None:
             raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
+        self.network, self.description = network, description = _described(policy, description)
         self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
-        self.network, self.description = network, description
-        self._joints = PolicyJoints(robot, description)
-        n = len(self._joints.columns)
-        self._every = round(description.period / dt)
-        if self._every < 1 or abs(self._every * dt - description.period) > ROUNDING:
-            raise InputError(
-                f"the period of the policy, {description.period:g} s, must be a multiple of the control period, "
-                f"{dt:g} s"
-            )
+        self.contacts, self.ground = FootContacts(robot, dt), ground
+        self._every = _ticks(description.period, dt)
+        self._regain, self._longest = regain, longest
+        self._range = _range(description)
+        self._rest = np.zeros(robot.na)
+        self._rest.setflags(write=False)
+
+        self._joints = joints = PolicyJoints(robot, description)
+        n = len(joints.columns)
+        if network.outputs != n:
+            raise InputError(f"the network has actions of {network.outputs} values for {n} joints")
+        self._arms = self._shared(names_in("arms", arms), filter)
+        self.posture = self._arms.posture if isinstance(self._arms, MovedArms) else None
         self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
-        self._share_arms(names_in("arms", arms), filter, seen)
-        self._still = np.zeros(robot.na)
+        masked = [] if seen or self._arms is None else self._arms.index
+        self._masked = np.isin(joints.columns, masked).nonzero()[0]
+
         self._clock = GaitClock(description.phase, description.period)
         position, velocity, action = np.zeros((3, n))
         self.observed = Observed(
-            self.drives.observer.robot, position, velocity, action, np.zeros(3), STANDING.copy()
+            robot=self.drives.observer.robot,
+            position=position,
+            velocity=velocity,
+            action=action,
+            command=np.zeros(3),
+            phase=self._clock.phase,
+            motion=self._tracked(clip),
+            ground=self._scanned(ground),
         )
-        self._reference(clip, ground)
-        self._observation = Observation(description.observation, self.observed)
-        for what, is_, has, parts in (
-            ("observation", network.inputs, self._observation.values.size, f": {self._observation}"),
-            ("action", network.outputs, n, ", one for each joint"),
-        ):
-            if is_ != has:
-                raise InputError(
-                    f"the network has {what}s of {is_} values, and the description of {has}{parts}"
-                )
-        self.contacts = FootContacts(robot, dt)
-        self._velocity: Velocity | None = None
-        self._regain, self._longest = regain, longest
-        self._fastest = np.array(description.fastest)
+        self._observation = Observation(description.observation, self.observed, network.inputs)
+        self.velocity = None
         for doubt in self.doubts():
             logger.warning("policy: %s", doubt)
         self._begin_policy()
@@ -201,39 +202,41 @@ class PolicyControl(SteeredControl):
             )
         return tuple(found)
 
-    def _share_arms(self, arms: Sequence[str], safe: PolicyFilter | None, seen: bool) -> None:
-        """Let the controller move arms, or filter the policy's, and the policy see them at rest or where they are."""
+    def _shared(self, arms: Sequence[str], safe: PolicyFilter | None) -> PolicyArms | None:
+        """Let the controller move arms, or filter the policy's; return them."""
         controller, joints = self.controller, self._joints
-        self._arms: PolicyArms | None = None
-        self._masked, self.posture = np.zeros(0, dtype=np.intp), None
         if safe is not None:
-            self._arms = safe.bind(controller)
-        elif arms:
-            self._arms = moved = MovedArms(controller, arms, joints.posture, joints.kd)
-            self.posture = moved.posture
-            joints.kp[moved.index] = joints.kd[moved.index] = 0.0
-        if self._arms is not None and not seen:
-            self._masked = np.flatnonzero(np.isin(joints.columns, self._arms.index))
+            return safe.bind(controller)
+        if not arms:
+            return None
+        moved = MovedArms(controller, arms, joints.posture, joints.kd)
+        joints.give_up(moved.index)
+        return moved
 
-    def _reference(self, clip: MotionClip | None, ground: KnownGround | None) -> None:
-        """Prepare the motion and the ground that the policy sees."""
+    def _tracked(self, clip: MotionClip | None) -> Tracked | None:
+        """Return the motion that the policy tracks: a clip, or that in its network; None without one."""
         robot, about, network = self.drives.observer.robot, self.description, self.network
-        seen = {term.name for term in about.observation}
-        tracks = any(name.startswith("motion") for name in seen)
-        for what, given, wanted in (("motion", clip, tracks), ("ground", ground, "height_scan" in seen)):
-            if given is not None and not wanted:
-                raise InputError(f"the policy observes no {what}: leave it out")
-        if tracks:
-            anchor = about.anchor or robot.torso_frame
-            frames: Frames | None = None
+        if not any(term.name.startswith("motion") for term in about.observation):
             if clip is not None:
-                frames = clip_frames(robot, clip, self._joints.columns, anchor, about.period)
-            elif isinstance(network, OnnxNetwork) and network.holds_motion:
-                frames = network_frames(network, anchor)
-            self.observed.motion = None if frames is None else Tracked(robot, anchor, frames)
-        self.ground = ground
-        if ground is not None:
-            self.observed.ground = ScannedGround(robot, about.scan, ground)
+                raise InputError("the policy observes no motion: leave it out")
+            return None
+        anchor = about.anchor or robot.torso_frame
+        frames: Frames
+        if clip is not None:
+            frames = clip_frames(robot, clip, self._joints.columns, anchor, about.period)
+        elif isinstance(network, OnnxNetwork) and network.holds_motion:
+            frames = network_frames(network, anchor)
+        else:
+            return None
+        return Tracked(robot, anchor, frames)
+
+    def _scanned(self, ground: KnownGround | None) -> ScannedGround | None:
+        """Return the ground that the policy sees; None of a blind policy."""
+        if ground is None:
+            return None
+        if all(term.name != "height_scan" for term in self.description.observation):
+            raise InputError("the policy observes no ground: leave it out")
+        return ScannedGround(self.drives.observer.robot, self.description.scan, ground)
 
     @property
     def motion(self) -> Tracked | None:
@@ -264,7 +267,7 @@ class PolicyControl(SteeredControl):
             self._arms.reset()
         self._observation.reset()
         self.observed.action[:] = 0.0
-        self.observed.phase = self._clock.tick(self.observed.phase, True)
+        self.observed.phase = self._clock.begin()
         if self.motion is not None:
             self.motion.begin()
 
@@ -282,7 +285,7 @@ class PolicyControl(SteeredControl):
     def velocity(self) -> Velocity | None:
         """Velocity that is asked for: ahead and aside, m/s, and turn, rad/s; None for a stand. Assign it at any tick.
 
-        The policy is asked for no more than `PolicyDescription.fastest`.
+        The policy is asked for what is within `PolicyDescription.slowest` and `fastest`.
         """
         return self._velocity
 
@@ -290,18 +293,14 @@ class PolicyControl(SteeredControl):
     def velocity(self, value: Sequence[float] | None) -> None:
         velocity = checked_velocity(value)
         self._velocity = None if value is None else velocity
-        np.clip(velocity, -self._fastest, self._fastest, out=self.observed.command)
-
-    @property
-    def _stands(self) -> bool:
-        """True while a stand is asked for."""
-        return not any(self._velocity or ())
+        np.clip(velocity, *self._range, out=self.observed.command)
+        self._stands = is_stand(self.observed.command)
 
     @property
     def velocity_limits(self) -> VelocityLimits:
-        """Largest velocities that the policy is made for."""
-        forward, aside, turn = self.description.fastest
-        return VelocityLimits(forward, forward, aside, turn)
+        """Largest velocities that the policy is made for, aside and in turns to either side."""
+        (back, *right), (forward, *left) = (np.abs(end).tolist() for end in self._range)
+        return VelocityLimits(forward, back, *map(min, right, left))
 
     @property
     def progress(self) -> Progress:
@@ -362,8 +361,7 @@ class PolicyControl(SteeredControl):
         self.observe(state)
         if self._regain:
             self._ask_for_more(state.robot)
-        stands = not (np.abs(observed.command) >= STILL).any()
-        observed.phase = self._clock.tick(observed.phase, stands)
+        observed.phase = self._clock.tick(is_stand(observed.command))
         network: Callable[..., NDArray[np.float32]] = self.network
         if observed.motion is not None:
             if isinstance(self.network, OnnxNetwork):
@@ -380,23 +378,26 @@ class PolicyControl(SteeredControl):
         self.aim()
 
     def _ask_for_more(self, robot: Robot) -> None:
-        """Ask for the velocity that the robot lacks, too."""
+        """Ask for the velocity that the robot lacks, too; for none in a stand."""
+        if self._stands:
+            self._lack[:] = 0.0
+            return
         towards = heading(robot.placement(robot.base_frame).rotation)
         cos, sin = math.cos(towards), math.sin(towards)
         x, y, _ = robot.com_velocity.tolist()
-        asked = np.zeros(3) if self._velocity is None else np.array(self._velocity)
+        asked = np.array(self._velocity)
         missing = asked[:2] - (cos * x + sin * y, cos * y - sin * x)
         self._lack += self.description.period * self._regain * missing
         np.clip(self._lack, -MOST_LACK, MOST_LACK, out=self._lack)
         asked[:2] += self._lack
-        np.clip(asked, -self._fastest, self._fastest, out=self.observed.command)
+        np.clip(asked, *self._range, out=self.observed.command)
 
     def servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now.
 
         A joint whose encoder is refused gets the torque of its servo at the predicted position, and no stiffness.
         """
-        m, joints, torque, velocity = state.measurement, self._joints, self._still, self._still
+        m, joints, torque, velocity = state.measurement, self._joints, self._rest, self._rest
         target, gains = joints.target, (joints.kp, joints.kd)
         if self._arms is not None:
             if self.drives.failing:
@@ -410,7 +411,7 @@ class PolicyControl(SteeredControl):
     @property
     def changed(self) -> Array:
         """Commanded torques minus those that the policy asked for, in the last tick, shape (na,), Nm."""
-        return self._still if self._arms is None else self._arms.changed
+        return (self._rest if self._arms is None else self._arms.changed).copy()
 
     def asked(self, measurement: Measurement) -> Array:
         """Return the torques that the policy asks for where its joints are now, shape (na,), Nm; zeros for others."""
@@ -426,3 +427,36 @@ class PolicyControl(SteeredControl):
             return status
         said = f"arms {arms.otherwise}: {arms.failure}" if arms.failure else arms.remark
         return said if status == "ok" else f"{said}; {status}"
+
+
+def is_stand(velocity: Array) -> bool:
+    """Return True for a velocity, ahead and aside, m/s, and turn, rad/s, at which a policy is to stand."""
+    return not (np.abs(velocity) >= STILL).any()
+
+
+def _described(
+    policy: str | Path | Network, description: PolicyDescription | None
+) -> tuple[Network, PolicyDescription]:
+    """Return the network of a file, or one of the user's own, and its description."""
+    if not isinstance(policy, (str, Path)):
+        if description is None:
+            raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
+        return policy, description
+    network = OnnxNetwork(policy)
+    return network, description or PolicyDescription.of(policy, network.metadata)
+
+
+def _ticks(period: float, dt: float) -> int:
+    """Return the number of control periods, s, in the period of a policy, s."""
+    ticks = round(period / dt)
+    if ticks < 1 or abs(ticks * dt - period) > ROUNDING:
+        raise InputError(
+            f"the period of the policy, {period:g} s, must be a multiple of the control period, {dt:g} s"
+        )
+    return ticks
+
+
+def _range(description: PolicyDescription) -> tuple[Array, Array]:
+    """Return the least and the largest velocity that a policy is made for, shape (3,) each, m/s and rad/s."""
+    fastest = np.array(description.fastest)
+    return -fastest if description.slowest is None else np.array(description.slowest), fastest

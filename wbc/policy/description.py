@@ -12,6 +12,7 @@ of `PolicyDescription`.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
@@ -63,6 +64,9 @@ NAMES = {
 }
 """Names of terms in other projects → names of `TERMS`."""
 
+NonPositive = Annotated[float, Field(le=0.0)]
+"""A number of at most zero."""
+
 
 @settings
 class Term:
@@ -102,6 +106,8 @@ class PolicyDescription:
         period: Time between two actions, s.
         phase: Period of the gait's clock, which terms of the phase show, s; None for a policy without one.
         fastest: Largest velocity that the policy is made for: ahead and aside, m/s, and turn, rad/s.
+        slowest: Least velocity that the policy is made for, likewise: backwards, to the right and a right turn, all
+            at most zero; −`fastest` when None.
         anchor: Frame of the robot that follows that of a motion, for a policy that tracks one; the torso when None.
         scan: Heights that the policy sees, for one that sees the ground.
     """
@@ -116,6 +122,7 @@ class PolicyDescription:
     period: Period = 0.02
     phase: Annotated[Positive, "s"] | None = None
     fastest: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
+    slowest: tuple[NonPositive, NonPositive, NonPositive] | None = None
     anchor: str | None = None
     scan: HeightScan = field(default_factory=HeightScan)
 
@@ -153,7 +160,10 @@ class PolicyDescription:
         values = _from_metadata(metadata)
         beside = Path(file).with_suffix(".toml")
         if beside.is_file():
-            values |= read_toml(beside)
+            given = read_toml(beside)
+            if "fastest" in given:  # one range is of one source
+                values.pop("slowest", None)
+            values |= given
         needed = ("joints", "default", "kp", "kd", "observation")
         if missing := [name for name in needed if name not in values]:
             raise InputError(
@@ -217,7 +227,7 @@ class PolicyDescription:
         }
         if "base_velocity" in _in_deploy(deploy, "commands", kind=Mapping):
             ranges = _in_deploy(deploy, "commands", "base_velocity", "ranges")
-            values["fastest"] = _fastest("ranges of base_velocity of a deploy.yaml", ranges, "ang_vel_z")
+            values |= _of_ranges("ranges of base_velocity of a deploy.yaml", ranges, "ang_vel_z")
         return from_json(cls, values)
 
 
@@ -265,10 +275,13 @@ def _term_of_deploy(name: str, term: Any) -> dict[str, Any]:
     return {"name": name, "scale": scale, "history": term.get("history_length", 1), "clip": clip}
 
 
-def _fastest(what: str, ranges: Any, turn: str) -> list[Any]:
-    """Return the greatest values of ranges of velocities: ahead, aside and turn, whose name is given."""
+def _of_ranges(what: str, ranges: Any, turn: str) -> dict[str, list[Any]]:
+    """Return `fastest` and `slowest` of ranges of velocities: ahead, aside and turn, whose name is given."""
     try:
-        return [max(ranges[name]) for name in ("lin_vel_x", "lin_vel_y", turn)]
+        pairs = [ranges[name] for name in ("lin_vel_x", "lin_vel_y", turn)]
+        if not all(-math.inf < low <= high < math.inf for low, high in pairs):
+            raise ValueError
+        return {"fastest": [high for _, high in pairs], "slowest": [min(low, 0.0) for low, _ in pairs]}
     except (KeyError, TypeError, ValueError):
         raise InputError(
             f"{what} must have lin_vel_x, lin_vel_y and {turn}, each with its least and greatest value, got "
@@ -297,7 +310,7 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
             values[name] = value[0]
     ranges = _value("command_ranges", metadata.get("command_ranges", "null"))
     if ranges is not None:
-        values["fastest"] = _fastest("command_ranges of a policy", ranges, "ang_vel_yaw")
+        values |= _of_ranges("command_ranges of a policy", ranges, "ang_vel_yaw")
     return values
 
 

@@ -19,6 +19,7 @@ the contacts of the feet. Each joint of legs and waist is braked at its stops by
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import Annotated
 
 import daqp
@@ -58,6 +59,8 @@ REACH, AHEAD = 0.1, 0.05
 """Distance d from a stop of legs and waist at which they are braked, rad, and time t that they look ahead, s."""
 
 
+@checked
+@dataclass(frozen=True, eq=False)
 class PolicyFilter:
     """Filter of a policy: limits that its torques keep, where the torques of some joints, the arms, give way.
 
@@ -65,38 +68,30 @@ class PolicyFilter:
         policy = PolicyControl(robot, "policy.onnx", dt, filter=PolicyFilter(robot.joint_names[15:], [hands]))
 
     Attributes:
-        arms: Names of joints whose torques give way.
-        limits: Further limits, such as a `CollisionLimit`.
+        arms: Names of joints whose torques give way; not of a leg.
+        limits: Further limits; those of joints and torques are there already. A `CollisionLimit` brakes fast arms in
+            time with recovery=100 and influence=0.5.
+        speed: Greatest speed of the arms over that of the model. Collision limits do not stop faster arms in time.
+        margin: Distance that the arms keep from their stops, rad.
+        reaction: Greatest moment about each axis of the base that may accelerate the arms, Nm; 0.6 Nm/kg times the mass
+            of the robot when None. More than that throws the trunk about, and the policy falls.
     """
 
-    @checked
-    def __init__(
-        self,
-        arms: Sequence[str],
-        limits: Sequence[Limit] = (),
-        *,
-        speed: Ratio = 0.25,
-        margin: Annotated[NonNegative, "rad"] = 0.03,
-        reaction: Annotated[Positive, "Nm"] | None = None,
-    ) -> None:
-        """Choose what is kept.
+    arms: Sequence[str]
+    limits: Sequence[Limit] = ()
+    _: KW_ONLY
+    speed: Ratio = 0.25
+    margin: Annotated[NonNegative, "rad"] = 0.03
+    reaction: Annotated[Positive, "Nm"] | None = None
 
-        Args:
-            arms: Names of joints whose torques give way; not of a leg.
-            limits: Further limits; those of joints and torques are there already. A `CollisionLimit` brakes fast arms
-                in time with recovery=100 and influence=0.5.
-            speed: Greatest speed of the arms over that of the model. Collision limits do not stop faster arms in time.
-            margin: Distance that the arms keep from their stops, rad.
-            reaction: Greatest moment about each axis of the base that may accelerate the arms, Nm; 0.6 Nm/kg times the
-                mass of the robot when None. More than that throws the trunk about, and the policy falls.
-        """
-        self.arms, self.limits = tuple(names_in("arms of a filter", arms)), tuple(limits)
-        self._speed, self._margin, self._reaction = speed, margin, reaction
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "arms", tuple(names_in("arms of a filter", self.arms)))
+        object.__setattr__(self, "limits", tuple(self.limits))
 
     def bind(self, controller: Controller) -> FilteredArms:
         """Add the filter to a controller of its own."""
-        joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
-        most = REACTION * controller.robot.mass if self._reaction is None else self._reaction
+        joint_limits = JointLimits(velocity_ratio=self.speed, margin=self.margin, joints=self.arms)
+        most = REACTION * controller.robot.mass if self.reaction is None else self.reaction
         return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits), most)
 
 
@@ -131,9 +126,13 @@ class FilteredArms(PolicyArms):
         self._stops = robot.position_lower[self.index], robot.position_upper[self.index]
         self._acceleration = np.zeros(robot.nv)
         self._carried_rows = np.zeros((6, robot.nv)), np.zeros(6), np.zeros(6)
-        self._made = np.zeros(robot.na)  # torques of the last tick, Nm
         self._cost, self._reaction = (np.eye(n), np.zeros(n)), reaction
-        self._limits: tuple[Limit, ...] = ()
+
+    def reset(self) -> None:
+        """See `PolicyArms.reset`."""
+        super().reset()
+        self._made: Array | None = None  # torques of the last tick, shape (na,), Nm
+        self._limits: tuple[Limit, ...] | None = None  # for which there is room
 
     def _place(self, limits: tuple[Limit, ...]) -> None:
         """Make room for the rows of limits."""
@@ -187,7 +186,7 @@ class FilteredArms(PolicyArms):
         arms = self._tried(self._solve, measurement, torques.take(index), bounds)
         if arms is not None:
             torques[index] = arms
-        self._made[:] = torques
+        self._made = torques.copy()
         return torques
 
     def _stop(self, limits: JointLimits, lower: Array, upper: Array) -> None:
@@ -210,36 +209,12 @@ class FilteredArms(PolicyArms):
 
         All are of shape (number of joints,), Nm.
         """
-        controller, robot, (least, most) = self.controller, self.controller.robot, bounds
-        columns, unit = self._columns, self._per_share
-        acceleration, base, mass = self._acceleration, robot.base_dof, robot.mass_matrix
-        acceleration[self._others.columns] = self._others.feedforward_acceleration
-        acceleration[:base] = acceleration[columns] = 0.0
-        jacobian, error, drift = self._carried_rows
-        self._carried.measured(measurement)
-        self._carried.evaluate(jacobian, error, drift)
-        drift += jacobian.dot(acceleration)
-        acceleration[:base] = dgesv(jacobian[:, :base], -drift)[2]
-        rows = mass[columns]
-        per_share = dposv(rows[:, columns], self._cost[0])[1]
-        bias = robot.bias[columns] + rows.dot(acceleration)
-        if controller.outside is not None:
-            bias -= controller.outside[columns]
-        acceleration[columns] = per_share.dot(wish - bias)  # of the wish
-        per_share *= unit
-        for limit, matrix, lower, upper in self._blocks:
-            limit.write(controller.dt, matrix, lower, upper)
-            if isinstance(limit, JointLimits):
-                self._stop(limit, lower, upper)
-        turning, turned, speed = mass[3:6, columns], self._rows[-3:, columns], robot.v[columns]
-        share = turning.dot(speed) / (self._reaction * LASTS)  # of the greatest momentum
-        turns = (turning - turned).dot(speed) / controller.dt  # rate of the momentum at no acceleration
-        self._lower[-3:] = self._reaction * np.minimum(1.0, np.maximum(-1.0, -1.0 - share)) - turns
-        self._upper[-3:] = self._reaction * np.maximum(-1.0, np.minimum(1.0, 1.0 - share)) - turns
-        self._rows[-3:, columns] = turning
+        columns, unit, (least, most) = self._columns, self._per_share, bounds
+        per_share = self._move(measurement, wish)
+        self._write_limits()
         chosen = ((self._lower > -np.inf) | (self._upper < np.inf)).nonzero()[0]
         rows = self._rows.take(chosen, axis=0)
-        wished = rows.dot(acceleration)
+        wished = rows.dot(self._acceleration)
         lower = np.concatenate([(least - wish) / unit, self._lower.take(chosen) - wished])
         upper = np.concatenate([(most - wish) / unit, self._upper.take(chosen) - wished])
         self.remark = ""
@@ -256,3 +231,43 @@ class FilteredArms(PolicyArms):
         if over.size and over[over.argmax()] > RELAXED:
             self.remark = "relaxed: limits of the arms cannot all be kept"
         return np.asarray(wish + unit * x)
+
+    def _move(self, measurement: Measurement, wish: Array) -> Array:
+        """Write the accelerations of the robot under the torques of a wish, shape (number of joints,), Nm.
+
+        Returns:
+            Accelerations of the arms by their torques as shares of the greatest ones, rad/s²; a column for each joint.
+        """
+        controller, robot, columns = self.controller, self.controller.robot, self._columns
+        acceleration, base = self._acceleration, robot.base_dof
+        acceleration[self._others.columns] = self._others.feedforward_acceleration
+        acceleration[:base] = acceleration[columns] = 0.0
+        jacobian, error, drift = self._carried_rows
+        self._carried.measured(measurement)
+        self._carried.evaluate(jacobian, error, drift)
+        drift += jacobian.dot(acceleration)
+        *_, acceleration[:base], singular = dgesv(jacobian[:, :base], -drift)
+        inertia = robot.mass_matrix[columns]  # of the arms, by all joints
+        _, per_torque, indefinite = dposv(inertia[:, columns], self._cost[0])
+        if singular or indefinite:
+            raise NoSolutionError("the inertia of the arms is singular")
+        bias = robot.bias[columns] + inertia.dot(acceleration)
+        if controller.outside is not None:
+            bias -= controller.outside[columns]
+        acceleration[columns] = per_torque.dot(wish - bias)
+        per_torque *= self._per_share
+        return np.asarray(per_torque)
+
+    def _write_limits(self) -> None:
+        """Write the rows of all limits, and those of the reaction of the arms on the base."""
+        dt, robot, columns = self.controller.dt, self.controller.robot, self._columns
+        for limit, matrix, lower, upper in self._blocks:
+            limit.write(dt, matrix, lower, upper)
+            if isinstance(limit, JointLimits):
+                self._stop(limit, lower, upper)
+        turning, turned, speed = robot.mass_matrix[3:6, columns], self._rows[-3:, columns], robot.v[columns]
+        share = turning.dot(speed) / (self._reaction * LASTS)  # of the greatest momentum
+        turns = (turning - turned).dot(speed) / dt  # rate of the momentum at no acceleration
+        self._lower[-3:] = self._reaction * np.minimum(1.0, np.maximum(-1.0, -1.0 - share)) - turns
+        self._upper[-3:] = self._reaction * np.maximum(-1.0, np.minimum(1.0, 1.0 - share)) - turns
+        self._rows[-3:, columns] = turning

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, State
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.ground import ElevationMap, PointCloud
 from wbc.policy.control import PolicyControl
@@ -48,6 +47,8 @@ class PolicyGuard(SteeredControl):
     """
 
     restarts = True
+    policy: PolicyControl = fixed("make another guard")
+    walking: WalkingControl = fixed("make another guard")
 
     @checked
     def __init__(self, policy: PolicyControl, walking: WalkingControl | None = None) -> None:
@@ -76,15 +77,9 @@ class PolicyGuard(SteeredControl):
 
     def _warm_up(self) -> None:
         """Let the walk make a tick of a robot at rest, and begin anew, so that its first real tick makes nothing."""
-        policy, drives = self.policy, self.walking.drives
-        robot, estimate = policy.controller.robot, drives.observer.robot
-        q = np.array(estimate.q)
-        wrench = np.zeros((len(robot.soles), 6))
-        wrench[:, 2] = robot.mass * GRAVITY / len(wrench)
-        up = estimate.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
-        zero = np.zeros(robot.na)
-        m = Measurement(0.0, q[robot.base_nq :], zero, np.zeros(3), up, wrench)
-        state = State(estimate, m, wrench[:, 2], m, ok=True)
+        policy, estimate = self.policy, self.walking.drives.observer.robot
+        q, m = np.array(estimate.q), Measurement.resting(estimate)
+        state = State(estimate, m, m.wrenches[:, 2], m, ok=True)
         self.walking.begin(state)
         self.walking.act(state)
         policy.reset(q)
@@ -95,7 +90,7 @@ class PolicyGuard(SteeredControl):
         if self.relieved:
             return self.walking.act(state)
         decided = self.policy.decide(state)
-        reason = self._failure(state)
+        reason, self._ordered = self._ordered or self._failure(state), ""
         if not reason:
             return self.policy.drives.relay(decided, self.policy.servos)
         logger.error("the policy is relieved: %s", reason)
@@ -142,11 +137,8 @@ class PolicyGuard(SteeredControl):
         self.relieved = self._ordered = ""
 
     def _failure(self, state: State) -> str:
-        """Return why the policy is to be relieved in this tick; empty if it goes on."""
+        """Return how the policy fails in this tick; empty if it goes on."""
         policy = self.policy
-        if self._ordered:
-            reason, self._ordered = self._ordered, ""
-            return reason
         if not state.ok or policy.drives.damped:
             return ""
         if policy.network_error is not None:

@@ -47,6 +47,10 @@ class PolicyJoints:
         posture[self.columns] = self.default
         return posture
 
+    def give_up(self, index: NDArray[np.intp]) -> None:
+        """Leave joints to the QP, by their columns: their servos have no gains."""
+        self.kp[index] = self.kd[index] = 0.0
+
     def aim(self, action: Array) -> None:
         """Take the targets of an action, in the policy's order."""
         self.target[self.columns] = self.default + self._scale * action

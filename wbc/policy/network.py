@@ -16,12 +16,14 @@ from wbc.base.numbers import Array
 STEP = "time_step"
 """Input of a network that holds a motion: the number of a frame."""
 
-JOINTS, PLACES, QUATERNIONS = (
-    ("joint_pos", "joint_vel"),
-    ("ref_pos_xyz", "body_pos_w"),
-    ("ref_quat_xyzw", "body_quat_w"),
-)
-"""Outputs of such a network: joints of the frame; place, and orientation of one body, or of several (wxyz)."""
+JOINTS = ("joint_pos", "joint_vel")
+"""Outputs of such a network with positions, rad, and velocities, rad/s, of the joints."""
+
+PLACES = ("ref_pos_xyz", "body_pos_w")
+"""Outputs with the place of one body, shape (3,), or the places of several, shape (bodies, 3), m."""
+
+QUATERNIONS = ("ref_quat_xyzw", "body_quat_w")
+"""Outputs with the quaternion of one body, x, y, z, w, or of several, w, x, y, z each."""
 
 LARGEST = 1 << 30
 """Largest file of a network, bytes."""
@@ -113,17 +115,14 @@ class OnnxNetwork:
     def _width(what: str, value: Any) -> int:
         """Return the width of an input or output of shape (1, width), whose first number may be any."""
         shape = value.shape
-        if (
-            len(shape) != 2
-            or not isinstance(shape[1], int)
-            or shape[0] not in (1, None)
-            and isinstance(shape[0], int)
-        ):
+        batch, width = shape if len(shape) == 2 else (0, None)
+        of_one = batch == 1 or not isinstance(batch, int)  # a name, or None, stands for any number
+        if not (of_one and isinstance(width, int)):
             raise InputError(
                 f"the {what} '{value.name}' of a policy must have shape (1, width) with a fixed width, got "
                 f"{shown(shape)}"
             )
-        return int(shape[1])
+        return width
 
     def __call__(self, observation: NDArray[np.float32], step: int = 0) -> NDArray[np.float32]:
         """Return the action, shape (outputs,), of an observation, shape (inputs,), for a frame of the motion in it."""
@@ -138,7 +137,7 @@ class OnnxNetwork:
         """
         parts = self._run(self._frame, np.zeros(self.inputs, np.float32), step)
         position, velocity, place, quaternion = (np.array(part[0], dtype=float) for part in parts)
-        if quaternion.ndim == 2:  # of several bodies, wxyz
+        if quaternion.ndim == 2:  # of several bodies; see `QUATERNIONS`
             place, quaternion = place[body], np.roll(quaternion[body], -1)
         return position, velocity, place, quaternion / np.linalg.norm(quaternion)
 

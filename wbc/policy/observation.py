@@ -19,8 +19,12 @@ class Observation:
         values: Values of the last ticks, shape (width,).
     """
 
-    def __init__(self, terms: Sequence[Term], observed: Observed) -> None:
-        """Make room; an `InputError` for a term whose scale has another length than its values."""
+    def __init__(self, terms: Sequence[Term], observed: Observed, width: int) -> None:
+        """Make room for the values that a network takes, `width` in all.
+
+        Raises:
+            InputError: A term whose scale has another length than its values, or terms of another width together.
+        """
         self._observed = observed
         self._terms = [(TERMS[term.name], np.asarray(term.scale), term.clip) for term in terms]
         sizes = [term(observed).size for term, _, _ in self._terms]
@@ -30,19 +34,19 @@ class Observation:
                     f"scale of the term '{term.name}' must have {size} values, got {len(term.scale)}"
                 )
         lengths = [size * term.history for size, term in zip(sizes, terms, strict=True)]
-        self.values, self._parts, stop = np.zeros(sum(lengths), np.float32), [], 0
+        if sum(lengths) != width:  # before room is made: a history may be long
+            named = ", ".join(
+                f"{term.name} {size}" + (f" x {term.history}" if term.history > 1 else "")
+                for term, size in zip(terms, sizes, strict=True)
+            )
+            raise InputError(
+                f"the network has observations of {width} values, and the description of {sum(lengths)}: {named}"
+            )
+        self.values, self._parts, stop = np.zeros(width, np.float32), [], 0
         for size, length in zip(sizes, lengths, strict=True):
             start, stop = stop, stop + length
             self._parts.append(self.values[start:stop].reshape(-1, size))
-        self._names = [term.name for term in terms]
         self._fresh = True
-
-    def __str__(self) -> str:
-        """Return names and lengths of the terms."""
-        named = zip(self._names, self._parts, strict=True)
-        return ", ".join(
-            f"{name} {part.shape[1]}" + (f" x {len(part)}" if len(part) > 1 else "") for name, part in named
-        )
 
     def reset(self) -> None:
         """Forget what was seen: the next terms fill their whole history."""

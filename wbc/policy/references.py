@@ -1,7 +1,8 @@
-"""References of a policy beside the state of the robot: the motion that it tracks, and the ground about it."""
+"""References of a policy beside the state of the robot: clock of its gait, motion that it tracks, ground about it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.base.errors import choose
+from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive, settings
 from wbc.core.conventions import rotation_of
@@ -18,6 +19,40 @@ from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
 from wbc.policy.network import OnnxNetwork
+
+STANDING = (math.pi, math.pi)
+"""Phases of the feet of a robot that stands, rad."""
+
+MOST_POINTS = 100_000
+"""Most points of a height scan: the scans of walking policies have some hundreds."""
+
+
+class GaitClock:
+    """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand.
+
+    Attributes:
+        phase: Phases of the left and the right foot, from −π to π, shape (2,), rad.
+    """
+
+    def __init__(self, period: float | None, dt: float) -> None:
+        """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
+        self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
+        self.begin()
+
+    def begin(self) -> Array:
+        """Begin anew with a robot that stands; return the phases."""
+        return self.tick(stands=True)
+
+    def tick(self, stands: bool) -> Array:
+        """Return the phases one period of the policy later; `stands` is true while no velocity is asked for."""
+        if stands:
+            self.phase = np.array(STANDING)
+        elif self._stood:
+            self.phase = np.array([0.0, math.pi])
+        else:
+            self.phase = np.asarray(np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi)
+        self._stood = stands
+        return self.phase
 
 
 class ClipFrame(NamedTuple):
@@ -124,6 +159,11 @@ class HeightScan:
     width: Annotated[Positive, "m"] = 1.0
     resolution: Annotated[Positive, "m"] = 0.1
     offset: Annotated[Number, "m"] = 0.5
+
+    def __post_init__(self) -> None:
+        points = math.prod(size / self.resolution + 1.0 for size in (self.length, self.width))
+        if points > MOST_POINTS:
+            raise InputError(f"a height scan must have at most {MOST_POINTS} points, got {points:.3g}")
 
 
 class ScannedGround:

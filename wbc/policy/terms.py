@@ -23,7 +23,6 @@ Attributes:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -100,25 +99,3 @@ TERMS: dict[str, Callable[[Observed], Array]] = {
     "height_scan": _scan,
 }
 """Name → function that returns the values of the term."""
-
-
-STANDING = np.array([math.pi, math.pi])
-"""Phases of the feet of a robot that stands."""
-
-
-class GaitClock:
-    """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand."""
-
-    def __init__(self, period: float | None, dt: float) -> None:
-        """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
-        self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
-        self._stood = True
-
-    def tick(self, phase: Array, stands: bool) -> Array:
-        """Return the phases one period of the policy after others; `stands` is true while no velocity is asked for."""
-        stood, self._stood = self._stood, stands
-        if stands:
-            return STANDING.copy()
-        if stood:
-            return np.array([0.0, math.pi])
-        return np.asarray(np.mod(phase + self._step + math.pi, 2.0 * math.pi) - math.pi)
