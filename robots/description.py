@@ -13,12 +13,13 @@ from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_scalar
-from wbc.base.settings import NonNegative, Positive
+from wbc.base.settings import NonNegative, Number, Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere, Shape
@@ -26,6 +27,7 @@ from wbc.core.model import Closure, Coupling, driven_names, is_floating, joints_
 from wbc.core.robot import Robot
 from wbc.robots import frames, write_urdf
 from wbc.robots.derivation import link_shapes, posture
+from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
 from wbc.robots.mechanism import Mechanism, unlimited
@@ -35,6 +37,20 @@ from wbc.robots.report import doubts, facts, report
 
 Base = Literal["floating", "fixed"]
 """Kind of a base."""
+
+Inertia = Annotated[tuple[Number, ...], Field(min_length=10, max_length=10)]
+"""The ten numbers of `toDynamicParameters` of a `pin.Inertia`."""
+
+HASHED = (
+    *("soles", "imu", "torso", "servo", "base", "half_sitting", "armature", "hands", "gains", "damping"),
+    *("frictionloss", "springs", "torque_ranges", "foot_inertia", "closures", "passive"),
+)
+"""Fields that models are made from beside the mechanism, in the order of their hash; further ones come behind."""
+
+UNHASHED = frozenset(
+    "name mechanism package_dirs height source licence derived doubtful locked sensors".split()
+)
+"""Fields that no model depends on, and the mechanism, which is hashed as a URDF."""
 
 
 @checked
@@ -91,11 +107,11 @@ class RobotDescription:
     gains: Mapping[str, tuple[NonNegative, NonNegative]] = field(default_factory=dict)
     damping: Annotated[Mapping[str, NonNegative], "Nms/rad"] = field(default_factory=dict)
     frictionloss: Annotated[Mapping[str, NonNegative], "Nm"] = field(default_factory=dict)
-    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    springs: Mapping[str, tuple[NonNegative, Number]] = field(default_factory=dict)
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     passive: tuple[str, ...] = ()
     closures: tuple[Closure, ...] = ()
-    foot_inertia: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    foot_inertia: Mapping[str, Inertia] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
@@ -125,6 +141,11 @@ class RobotDescription:
         by_joint = self.half_sitting, self.armature, self.gains, self.damping, self.frictionloss, self.springs
         for name in (*itertools.chain.from_iterable(by_joint), *self.passive):
             choose("joint", name, names)
+        for name in self.foot_inertia:
+            choose("sole", name, frames.SOLE_NAMES)
+        for name, (low, high) in self.torque_ranges.items():
+            if not low < high:
+                raise InputError(f"torque range of joint '{name}' must have low < high, got ({low:g}, {high:g})")
         for name, low, high in zip(names, *map(np.ndarray.tolist, self.position_limits), strict=True):
             finite_scalar(f"half-sitting of joint '{name}'", self.half_sitting[name], low=low, high=high)
         q = self._half_sitting_configuration()
@@ -170,18 +191,16 @@ class RobotDescription:
             provenance: Origin of the model, for reports; the path when None.
             **options: See `wbc.robots.options.DescriptionOptions`.
         """
-        return cls(
-            **robot_urdf.fields(
-                source,
-                (left_sole, right_sole),
-                sole_size,
-                name=name,
-                package_dirs=tuple(str(Path(folder).expanduser()) for folder in package_dirs),
-                fixed=base == "fixed",
-                provenance=provenance,
-                **options,
-            )
+        robot = robot_urdf.read(
+            source,
+            (left_sole, right_sole),
+            sole_size,
+            package_dirs=tuple(str(Path(folder).expanduser()) for folder in package_dirs),
+            fixed=base == "fixed",
+            lock=options.get("lock") or {},
+            repair=options.get("repair", False),
         )
+        return complete(cls, robot, name=name, provenance=provenance, **options)
 
     @classmethod
     @checked
@@ -227,21 +246,18 @@ class RobotDescription:
         """
         from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
 
-        return cls(
-            **robot_mjcf.fields(
-                source,
-                (left_sole, right_sole),
-                sole_size,
-                name=name,
-                feet=feet,
-                fixed=base == "fixed",
-                root=root,
-                meshes=meshes,
-                use_gains=use_gains,
-                provenance=provenance,
-                **options,
-            )
+        robot = robot_mjcf.read(
+            source,
+            (left_sole, right_sole),
+            sole_size,
+            feet=feet,
+            fixed=base == "fixed",
+            root=root,
+            meshes=meshes,
+            use_gains=use_gains,
+            lock=options.get("lock") or {},
         )
+        return complete(cls, robot, name=name, provenance=provenance, **options)
 
     @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
@@ -363,18 +379,11 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of all data that models are made from, 12 hexadecimal digits."""
-        names = "half_sitting armature hands gains damping frictionloss springs torque_ranges foot_inertia"
-        values = [sorted(getattr(self, name).items()) for name in names.split()]
+        further = {item.name for item in fields(self)} - {*HASHED} - UNHASHED
+        values = [getattr(self, name) for name in (*HASHED, *sorted(further))]
         content = (
             write_urdf.write(self.mechanism, "", {}, shapes=True),
-            self.soles,
-            self.imu,
-            self.torso,
-            self.servo,
-            self.base,
-            *values,
-            self.closures,
-            self.passive,
+            *(sorted(value.items()) if isinstance(value, Mapping) else value for value in values),
         )
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 

@@ -46,18 +46,28 @@ Colour = tuple[float, float, float, float]
 
 
 class Geometry(NamedTuple):
-    """A shape of a link."""
+    """A shape of a link.
+
+    Attributes:
+        link: Name of the link.
+        role: "visual" or "collision".
+        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
+        size: Half sizes of a box, shape (3,), m; radius of a sphere, shape (1,), m; radius and half length of a
+            cylinder or a capsule, shape (2,), m; scale of a mesh, shape (3,).
+        place: Place in the link.
+        file: Name of the file of a mesh.
+        colour: Colour; None where the file has none.
+        corners: Corners of the convex hull of a solid mesh that became a box, in the link, shape (n, 3), m.
+    """
 
     link: str
-    role: str  # "visual" or "collision"
-    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
-    size: Array  # half sizes of a box; radius; radius and half length, m; scale of a mesh
-    place: pin.SE3  # place in the link
-    file: str = ""  # name of the file of a mesh
-    colour: Colour | None = None  # None where the file has none
-    corners: Array | None = (
-        None  # of the convex hull of a solid mesh that became a box, in the link, (n, 3), m
-    )
+    role: str
+    kind: str
+    size: Array
+    place: pin.SE3
+    file: str = ""
+    colour: Colour | None = None
+    corners: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
-from wbc.core.robot import GRAVITY, SIDES, Robot
+from wbc.core.robot import SIDES, Robot
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.legs import FULL_LEG
+from wbc.robots.notes import listed
 from wbc.robots.tidying import TAKEN_RANGE
+
+if TYPE_CHECKING:
+    from wbc.robots.description import RobotDescription
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -22,11 +26,11 @@ NEAR_LIMIT = 0.6
 UNLIKE = 0.01
 """Share by which the mass of the legs may differ."""
 
-UNMODELLED = "not in the controller's model: "
-"""Beginning of a note on a force that the controller does not know of."""
-
 FASTEST = 100.0
 """Doubtful limits of speeds, rad/s: drives of humanoids reach 40."""
+
+Doubt = tuple[str, list[str]]
+"""What is doubtful, and of which joints; nothing is for none."""
 
 HEADINGS = {
     "velocity": "rad/s",
@@ -39,8 +43,8 @@ HEADINGS = {
 """Columns of the joints in a report: key of the facts → heading."""
 
 
-def facts(robot: Any) -> dict[str, Any]:
-    """Return mass, size, soles, joints and sources of a `RobotDescription`, which imports this, ready for JSON."""
+def facts(robot: RobotDescription) -> dict[str, Any]:
+    """Return mass, size, soles, joints and sources of a description, ready for JSON."""
     model = robot.robot()
     return {
         "name": robot.name,
@@ -70,7 +74,7 @@ def facts(robot: Any) -> dict[str, Any]:
     }
 
 
-def _joints(robot: Any, model: Robot) -> dict[str, dict[str, Any]]:
+def _joints(robot: RobotDescription, model: Robot) -> dict[str, dict[str, Any]]:
     """Return joint → its unit, limits, posture, rotor, servo gains and passive forces."""
     limits = model.velocity_limit, model.torque_limit
     columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
@@ -120,7 +124,7 @@ def report(facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def doubts(robot: Any) -> tuple[str, ...]:
+def doubts(robot: RobotDescription) -> tuple[str, ...]:
     """Return the doubtful values of a description, one line each."""
     model = robot.robot()
     if not robot.soles:
@@ -129,7 +133,12 @@ def doubts(robot: Any) -> tuple[str, ...]:
         first = [f"{said}; it has two lowest limbs: {hint}" if hint else said]
     else:
         first = _legs(robot, model)
-    limits = [*zip(robot.joint_names, *robot.position_limits, robot.velocity_limit, strict=True)]
+    found = (*_torques(robot, model), *_passive(robot), *_ranges(robot))
+    return (*first, *robot.doubtful, *(f"{what}: {listed(names)}" for what, names in found if names))
+
+
+def _torques(robot: RobotDescription, model: Robot) -> list[Doubt]:
+    """Return the doubts about torque limits, servos and rotors."""
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
         for name, share in standing_torques(model).items()
@@ -138,28 +147,35 @@ def doubts(robot: Any) -> tuple[str, ...]:
     undamped = [
         n for n, (kp, kd) in robot.gains.items() if kp > 0.0 and kd + robot.damping.get(n, 0.0) == 0.0
     ]
-    lists = {
-        f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of": tight,
-        "given servo gains without damping": undamped,
-        "no rotor inertia (armature); real drives have some": [
-            n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive
-        ],
-        f"torques make up for damping of up to {max(robot.damping.values(), default=0.0):g} Nms/rad, which a real "
-        "machine may not have": [f"{len(robot.damping)} joints"] if robot.damping else [],
-        f"dry friction up to {max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
-            f"{len(robot.frictionloss)} joints"
-        ]
-        if robot.frictionloss
-        else [],
-        f"speed limits above {FASTEST:g} rad/s, in another unit or none?": [
-            n for n, *_, v in limits if v > FASTEST
-        ],
-        "no position limits (±π taken)": [
-            n for n, low, high, _ in limits if max(abs(low + TAKEN_RANGE), abs(high - TAKEN_RANGE)) < 1e-6
-        ],
-    }
-    found = [f"{what}: {listed(names)}" for what, names in lists.items() if names]
-    return (*first, *robot.doubtful, *found)
+    light = [n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive]
+    return [
+        (f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of", tight),
+        ("given servo gains without damping", undamped),
+        ("no rotor inertia (armature); real drives have some", light),
+    ]
+
+
+def _passive(robot: RobotDescription) -> list[Doubt]:
+    """Return the doubts about damping and friction of the joints."""
+    return [
+        (sentence.format(max(values.values())), [f"{len(values)} joints"])
+        for sentence, values in (
+            ("torques make up for damping of up to {:g} Nms/rad, which a real machine may not have", robot.damping),
+            ("dry friction up to {:g} Nm, which the controller neglects", robot.frictionloss),
+        )
+        if values
+    ]
+
+
+def _ranges(robot: RobotDescription) -> list[Doubt]:
+    """Return the doubts about the limits of positions and speeds."""
+    (lower, upper), fast = robot.position_limits, robot.velocity_limit > FASTEST
+    taken = np.maximum(abs(lower + TAKEN_RANGE), abs(upper - TAKEN_RANGE)) < 1e-6
+    named = [[n for n, odd in zip(robot.joint_names, each, strict=True) if odd] for each in (fast, taken)]
+    return [
+        (f"speed limits above {FASTEST:g} rad/s, in another unit or none?", named[0]),
+        ("no position limits (±π taken)", named[1]),
+    ]
 
 
 def standing_torques(model: Robot) -> dict[str, float]:
@@ -188,7 +204,8 @@ def standing_torques(model: Robot) -> dict[str, float]:
     return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _legs(robot: Any, model: Robot) -> list[str]:
+def _legs(robot: RobotDescription, model: Robot) -> list[str]:
+    """Return the doubts about legs and feet, one line each."""
     left, right = robot.soles
     found = [
         f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
@@ -203,17 +220,9 @@ def _legs(robot: Any, model: Robot) -> list[str]:
     masses = [float(data.mass[model.model.getJointId(leg[0])]) for leg in robot.legs]
     if abs(masses[0] - masses[1]) > UNLIKE * max(masses):
         found.append(f"the legs differ in mass: {masses[0]:.2f} and {masses[1]:.2f} kg")
-    tipping = model.mass * GRAVITY * float(model.com[2])
-    given = {n: robot.gains[n][0] for leg in robot.legs for n in leg[-2:] if n in robot.gains}
-    name = min(given, key=given.__getitem__, default=None)
-    if name is not None and given[name] < ANKLE_SHARE * tipping:
+    if (ankle := robot.servos.soft_ankle) is not None:
         found.append(
-            f"given servo gains are soft: kp of '{name}' is {given[name]:.0f} Nm/rad; position control needs "
-            f"{ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
+            f"given servo gains are soft: kp of '{ankle}' is {robot.gains[ankle][0]:.0f} Nm/rad; position control needs "
+            f"{ANKLE_SHARE:g} m g h, {ANKLE_SHARE * robot.servos.tipping:.0f} Nm/rad"
         )
     return found
-
-
-def listed(names: list[str]) -> str:
-    """Return the first of some names, and how many more there are."""
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")

@@ -66,7 +66,7 @@ def tidy(
         if not 0.0 < joint.effort < UNLIMITED:
             joint.effort = 0.0  # until the torque rule has seen the model
     locked = lock(robot, positions)
-    return locked, notes + inertia.settle(robot, fixed, repair)
+    return locked, notes + inertia.repair_inertias(robot, fixed, repair)
 
 
 def lock(robot: Urdf, positions: Mapping[str, float], *, bounded: bool = True) -> dict[str, float]:
@@ -174,7 +174,8 @@ def _soften(joint: Joint) -> list[str]:
                 notes.append(f"{said}, bound one side of a joint without end alone and are left out")
                 continue
             joint.low, joint.high = low, high
-            joint.kind = joint.kind.replace("continuous", "revolute")
+            if joint.kind == "continuous":
+                joint.kind = "revolute"
             notes.append(f"{said}, are taken as position limits")
     return notes
 

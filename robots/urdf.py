@@ -25,6 +25,9 @@ Element = ElementTree.Element
 ENDLESS = 1e9
 """Position from which on a limit is none, rad."""
 
+COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
+"""Lengths of attributes that are numbers, in words."""
+
 LARGEST_COORDINATE = 1e4
 """Largest coordinate of a placement or an axis, m."""
 
@@ -67,8 +70,8 @@ class Joint:
         place: Its place in the parent.
         axis: Its axis, of unit length.
         limit: Attributes of its <limit> as they are written.
-        low: Lower position limit, rad or m; −∞ for none. `high` is the upper one.
-        high: See `low`.
+        low: Lower position limit, rad or m; −∞ for none.
+        high: Upper position limit, rad or m; ∞ for none.
         speed: Largest speed, rad/s or m/s.
         effort: Largest torque or force, Nm or N; zero where it is not known.
         leader: Joint with which it moves, its ratio and offset; None for a joint of its own.
@@ -289,7 +292,7 @@ def _joint(joint: Element, root: Element) -> Joint:
     """Return the record of a <joint> of a <robot>."""
     name, kind, axis = str(joint.get("name")), str(joint.get("type")), joint.find("axis")
     given = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    direction = _triple(f"joint '{name}': its axis", given)
+    direction = _floats(f"joint '{name}': its axis", given)
     length = math.hypot(*direction)
     if kind != "fixed" and length < SHORTEST_AXIS:
         raise ModelError(f"joint '{name}': its axis must not be zero, got '{given}'")
@@ -378,15 +381,15 @@ def _shape(link: Element, element: Element, named: Mapping[str, Colour]) -> Geom
         return None
     shape = geometry[0]
     if shape.tag == "box":
-        size = 0.5 * _triple(what.format("size of a box"), shape.get("size", ""))
+        size = 0.5 * _floats(what.format("size of a box"), shape.get("size", ""))
     elif shape.tag in ("sphere", "cylinder", "capsule"):
         keys = ("radius",) if shape.tag == "sphere" else ("radius", "length")
         radius, *length = (
-            _triple(what.format(f"{key} of a {shape.tag}"), shape.get(key, "0"), (1,)) for key in keys
+            _floats(what.format(f"{key} of a {shape.tag}"), shape.get(key, "0"), (1,)) for key in keys
         )
         size = np.concatenate([radius, *(0.5 * each for each in length)])
     elif shape.tag == "mesh":
-        size = _triple(what.format("scale of a mesh"), scale := shape.get("scale", "1 1 1"), (1, 3))
+        size = _floats(what.format("scale of a mesh"), scale := shape.get("scale", "1 1 1"), (1, 3))
         if not size.all():
             raise ModelError(f"{what.format('scale of a mesh')} must not be zero, got {shown(scale)}")
         size = np.broadcast_to(size, (3,))
@@ -402,7 +405,7 @@ def _colour(material: Element) -> Colour | None:
     """Return the colour of a material; None where it is no four numbers: no robot is refused for what it looks like."""
     element = material.find("color")
     try:
-        values = _triple("rgba", "" if element is None else element.get("rgba", ""), (4,))
+        values = _floats("rgba", "" if element is None else element.get("rgba", ""), (4,))
     except ModelError:
         return None
     red, green, blue, opacity = np.clip(values, 0.0, 1.0).tolist()
@@ -413,21 +416,19 @@ def _place(element: Element, what: str) -> pin.SE3:
     """Return the <origin> of an element; `what` says of what in an error, with {} for the attribute."""
     origin = element.find("origin")
     given = {} if origin is None else origin.attrib
-    rpy, xyz = (_triple(what.format(key), given.get(key, "0 0 0")) for key in ("rpy", "xyz"))
+    rpy, xyz = (_floats(what.format(key), given.get(key, "0 0 0")) for key in ("rpy", "xyz"))
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
 
-def _triple(what: str, text: str, counts: tuple[int, ...] = (3,)) -> Array:
-    """Return the finite numbers of an attribute that a robot can have, shape (3,) or another; else a `ModelError`."""
+def _floats(what: str, text: str, counts: tuple[int, ...] = (3,)) -> Array:
+    """Return the numbers of an attribute, as many as one of `counts`; a `ModelError` for those that no robot has."""
     try:
         values = np.array([float(part) for part in text.split()])
     except ValueError:
         values = np.zeros(0)
     if len(values) not in counts or not (np.abs(values) <= LARGEST_COORDINATE).all():
-        most = (
-            "three numbers" if counts == (3,) else "one number" if counts == (1,) else "one number or three"
-        )
-        raise ModelError(f"{what} must be {most} within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
+        how_many = " or ".join(COUNTS[count] for count in counts)
+        raise ModelError(f"{what} must be {how_many} within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
     return values
 
 

@@ -2,134 +2,159 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
-from wbc.base.numbers import ROUNDING
-from wbc.core.model import Closure, joints_to
+from wbc.core.frames import FrameDescription
+from wbc.core.model import Closure
 from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation import chains, defaults, posture
-from wbc.robots.derivation.legs import knee_direction
+from wbc.robots.derivation.legs import heading
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.derivation.soles import SoleFinder, Soles, check_sides, refuse_at_ankle
 from wbc.robots.mechanism import Mechanism, unlimited
+from wbc.robots.notes import Notes
 from wbc.robots.options import DescriptionOptions
 
-AHEAD = 0.01
-"""Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
+if TYPE_CHECKING:
+    from wbc.robots.description import RobotDescription
+
+Description = TypeVar("Description", bound="RobotDescription")
 
 
-class Notes(list[str]):
-    """Remarks on how a robot was read and derived, one line each.
-
-    Attributes:
-        doubtful: Remarks on what is doubtful, or in the file and not in the description, such as a force; they are no
-            items of the list.
-    """
-
-    def __init__(self, lines: Iterable[str] = ()) -> None:
-        super().__init__(lines)
-        self.doubtful: list[str] = []
-
-
-@dataclass(frozen=True)
-class Read:
-    """A robot as its reader has found it in a file.
+@dataclass(frozen=True, kw_only=True)
+class FileRobot:
+    """A robot as its reader has found it in a file; options that are given take precedence.
 
     Attributes:
         mechanism: Function that returns its links and joints, with a link above the root that is turned by an angle,
             rad.
         name: Its name; that of the mechanism's model when None.
         source: Origin of the model.
-        notes: Remarks so far; what is derived adds its own.
+        notes: Remarks of the reader.
         find_soles: Finder of the soles; None for a robot without feet, such as one that is bolted to the world.
         named: True if the soles are given by name or place, False if it is left to `find_soles` which foot is the left
             one.
         package_dirs: Folders with the meshes.
         postures: Postures of the file that may be half-sitting, name and joint → position.
-        loops: Closed chains of the file.
+        closures: Closures of its kinematic chains.
         passive: Joints of the file without a drive.
-        fields: Fields of the description that the file alone gives, such as the damping.
+        imu: Frame of the inertial measurement unit; None if the file does not say.
+
+    The others are those of `RobotDescription`, of joints for which the file gives them.
     """
 
     mechanism: Callable[[float], Mechanism]
-    name: str | None
+    name: str | None = None
     source: str
-    notes: Notes
+    notes: tuple[str, ...]
+    doubtful: tuple[str, ...] = ()
     find_soles: SoleFinder | None
     named: bool
     package_dirs: tuple[str, ...] = ()
     postures: Sequence[tuple[str, Mapping[str, float]]] = ()
-    loops: tuple[Closure, ...] = ()
+    closures: tuple[Closure, ...] = ()
     passive: tuple[str, ...] = ()
-    fields: Mapping[str, Any] = field(default_factory=dict)
+    imu: FrameDescription | None = None
+    armature: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    damping: Mapping[str, float] = field(default_factory=dict)
+    frictionloss: Mapping[str, float] = field(default_factory=dict)
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
+    locked: Mapping[str, float] = field(default_factory=dict)
 
 
-def complete(read: Read, **options: Unpack[DescriptionOptions]) -> dict[str, Any]:
-    """Return the fields of the `RobotDescription` of what was read."""
+def complete(
+    kind: type[Description],
+    read: FileRobot,
+    *,
+    name: str | None,
+    provenance: str | None,
+    **options: Unpack[DescriptionOptions],
+) -> Description:
+    """Return the description, of a kind, of a robot that was read; see `RobotDescription.from_urdf`."""
     if read.named and read.find_soles is None:
         raise InputError(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles, as feet=False is; "
             "give no left_sole and right_sole"
         )
-    notes = read.notes
-    robot, model, soles = _on_soles(read, options)
-    joints, closures = _half_sitting(read, options, model, soles)
+    notes = Notes([*read.notes], [*read.doubtful])
+    imu = options.get("imu")
+    if imu is None and read.imu is not None:
+        imu = read.imu
+        notes.derived.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
+    name = name or read.name
+    robot, model, soles = _on_soles(read, name, options, notes)
+    joints, closures = _half_sitting(read, options, model, soles, notes)
     mass, com_height = _size(model, soles, joints)
     robot = _driven(robot, model, soles, mass * GRAVITY * com_height, notes)
-    rotors = ARMATURE_RATIO * mass * com_height**2
-    return {
-        "name": read.name or robot.model.name,
-        "mechanism": robot,
-        "soles": soles,
-        "half_sitting": joints,
-        "armature": defaults.complete_armature(list(joints), options.get("armature"), rotors, notes),
-        "torso": _torso(options.get("torso"), model, soles, notes),
-        "imu": defaults.complete_imu(model, options.get("imu"), notes),
-        "hands": options.get("hands") or {},
-        "servo": options.get("servo") or ServoRule(),
-        "gains": options.get("gains") or {},
-        "package_dirs": read.package_dirs,
-        "height": options.get("height"),
-        "source": read.source,
-        "licence": options.get("licence", "unknown"),
-        "derived": tuple(notes),
-        "doubtful": tuple(notes.doubtful),
-        "closures": closures,
-        "passive": tuple(dict.fromkeys((*read.passive, *(options.get("passive") or ())))),
-        **read.fields,
-    }
+    rotors, armature = ARMATURE_RATIO * mass * com_height**2, options.get("armature")
+    if armature is None or isinstance(armature, Mapping):
+        armature = {**read.armature, **(armature or {})}
+    limited = options.get("torque_limits") or {}
+    return kind(
+        name=name or robot.model.name,
+        mechanism=robot,
+        soles=soles,
+        half_sitting=joints,
+        armature=defaults.complete_armature([*joints], armature, rotors, notes.derived),
+        torso=_torso(options.get("torso"), model, soles, notes),
+        imu=defaults.complete_imu(model, imu, notes.derived),
+        hands=options.get("hands") or {},
+        servo=options.get("servo") or ServoRule(),
+        gains={**read.gains, **(options.get("gains") or {})},
+        damping=read.damping,
+        frictionloss=read.frictionloss,
+        springs=read.springs,
+        torque_ranges={joint: ends for joint, ends in read.torque_ranges.items() if joint not in limited},
+        passive=tuple(dict.fromkeys((*read.passive, *(options.get("passive") or ())))),
+        closures=closures,
+        locked=read.locked,
+        sensors=read.sensors,
+        package_dirs=read.package_dirs,
+        height=options.get("height"),
+        source=provenance or read.source,
+        licence=options.get("licence", "unknown"),
+        derived=tuple(notes.derived),
+        doubtful=tuple(notes.doubtful),
+    )
 
 
-def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.Model, Soles]:
+def _on_soles(
+    read: FileRobot, name: str | None, options: DescriptionOptions, notes: Notes
+) -> tuple[Mechanism, pin.Model, Soles]:
     """Return the mechanism, its root turned to where the feet point, its model with the soles, and these."""
     limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
-    robot, notes = read.mechanism(0.0).with_limits(*limits), read.notes
-    name = read.name or robot.model.name
-    notes += [
+    robot = read.mechanism(0.0).with_limits(*limits)
+    name = name or robot.model.name
+    notes.derived += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
         for each, coupling in robot.couplings.items()
     ]
-    model = robot.coupled(name, notes)
+    model = robot.coupled(name, notes.derived)
     if read.find_soles is None:
         return robot, model, ()
-    soles, remarks = _add_soles(model, read.find_soles, 0.0)
+    remarks = list[str]()
+    soles = _add_soles(model, read.find_soles, 0.0, remarks)
     turn = heading(model, soles, not read.named) if options.get("turn_root") is not False else 0.0
     if turn:
         robot = read.mechanism(turn).with_limits(*limits)
         model = robot.coupled(name)
-        notes.append(
+        notes.derived.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link "
             f"'{frames.carrier_link(model, 1)}'"
         )
-        soles, remarks = _add_soles(model, read.find_soles, turn)
-    notes += remarks
+        remarks.clear()
+        soles = _add_soles(model, read.find_soles, turn, remarks)
+    notes.derived += remarks
     check_sides(model, soles)
     for sole in soles:
         refuse_at_ankle(model, sole)
@@ -137,12 +162,12 @@ def _on_soles(read: Read, options: DescriptionOptions) -> tuple[Mechanism, pin.M
 
 
 def _half_sitting(
-    read: Read, options: DescriptionOptions, model: pin.Model, soles: Soles
+    read: FileRobot, options: DescriptionOptions, model: pin.Model, soles: Soles, notes: Notes
 ) -> tuple[dict[str, float], tuple[Closure, ...]]:
     """Return joint → position in half-sitting, rad or m, in which closed chains are closed, and their closures."""
     given = options.get("half_sitting") or {}
-    joints = posture.half_sitting(model, soles, given, read.notes, read.postures)
-    closures = (*read.loops, *(options.get("closures") or ()))
+    joints = posture.half_sitting(model, soles, given, notes.derived, read.postures)
+    closures = (*read.closures, *(options.get("closures") or ()))
     if closures:
         joints = chains.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
     return joints, closures
@@ -168,7 +193,7 @@ def _driven(
         )
     torques = defaults.torque_limits(model, soles, missing, weight_moment)
     listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
-    notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
+    notes.derived.append(f"torque limits not given, from mass and size (Nm): {listed}")
     notes.doubtful.append("torque limits that the file does not give are guessed from mass and size")
     return robot.with_limits(torque=torques)
 
@@ -177,14 +202,14 @@ def _torso(given: str | None, model: pin.Model, soles: Soles, notes: Notes) -> s
     """Return the link of the chest: the given one, or that which most of the mass hangs on."""
     if given is None:
         given = defaults.find_torso(model, soles)
-        notes.append(f"torso: link '{given}'")
+        notes.derived.append(f"torso: link '{given}'")
     choose("link", given, frames.link_names(model))
     return given
 
 
-def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[Soles, list[str]]:
-    """Find the soles, give each a name of its own and add their frames to the model; return notes as well."""
-    (left, right), notes = find(model, turn)
+def _add_soles(model: pin.Model, find: SoleFinder, turn: float, notes: list[str]) -> Soles:
+    """Find the soles, give each a name of its own and add their frames to the model; `notes` gets those of the finder."""
+    left, right = find(model, turn, notes)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
     named = tuple(
@@ -195,33 +220,4 @@ def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[Soles, 
     )
     for sole in named:
         frames.add_frame(model, sole)
-    return named, notes
-
-
-def heading(model: pin.Model, soles: Soles, feet_found: bool) -> float:
-    """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
-
-    Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
-    ankles; where toes say nothing, knees bend forward. With one sign alone the soles are more likely to be swapped.
-    With `feet_found` the left foot is only the one with the larger y.
-    """
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    ids = [model.getFrameId(sole.frame) for sole in soles]
-    if any(not joints_to(model, sole.frame) for sole in soles):
-        return 0.0
-    places = [np.array(data.oMf[i].translation) for i in ids]
-    ankles = [np.array(data.oMi[model.frames[i].parentJoint].translation) for i in ids]
-    toes = 0.5 * sum(place - ankle for place, ankle in zip(places, ankles, strict=True))
-    left = places[0] - places[1]
-    ahead = np.array([left[1], -left[0], 0.0]) / max(ROUNDING, float(np.hypot(left[0], left[1])))
-    angle = float(np.arctan2(ahead[1], ahead[0]))
-    turns = round(angle / (0.5 * np.pi))
-    pointing = float(toes @ ahead)
-    if turns and abs(pointing) < AHEAD:
-        pointing = float(sum(knee_direction(model, sole.frame) for sole in soles) @ ahead)
-    if feet_found and turns == 0 and pointing < -AHEAD:
-        return np.pi
-    if turns == 0 or pointing < AHEAD:
-        return 0.0
-    return turns * 0.5 * np.pi
+    return named

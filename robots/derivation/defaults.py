@@ -31,6 +31,9 @@ TORQUE_RATIO = 0.25
 LIMB_FACTOR = 3.0
 """Torque limit of any other joint over the torque that holds its limb stretched out horizontally."""
 
+LEAST_RATIO = 0.005
+"""Torque limit of any such joint over m g h at least, so that a light head or hand has one that moves it."""
+
 ARM_JOINTS = 3
 """Smallest number of joints of an arm; a branch with fewer is a head or a finger."""
 
@@ -100,7 +103,7 @@ def torque_limits(
         # data.mass and data.com of a joint are those of its subtree, the latter in the joint frame.
         slides = model.joints[joint].shortname().startswith("JointModelP")
         reach = 1.0 if slides else float(np.linalg.norm(data.com[joint]))
-        limits[name] = max(LIMB_FACTOR * data.mass[joint] * GRAVITY * reach, 0.005 * weight_moment)
+        limits[name] = max(LIMB_FACTOR * data.mass[joint] * GRAVITY * reach, LEAST_RATIO * weight_moment)
     return limits
 
 

@@ -35,7 +35,7 @@ def second_moments(inertia: Array) -> Array:
     return np.asarray(0.5 * np.trace(inertia) * np.eye(3) - inertia)
 
 
-def settle(robot: Urdf, fixed: bool, repair: bool) -> list[str]:
+def repair_inertias(robot: Urdf, fixed: bool, repair: bool) -> list[str]:
     """Repair inertias of a tidy URDF that no body can have, in place, and return the changes, one line each.
 
     Second moments of mass are clamped from below; a massless moving link gets a mass of 1 g. With `fixed` the root does
@@ -45,31 +45,33 @@ def settle(robot: Urdf, fixed: bool, repair: bool) -> list[str]:
     for name, inertial in robot.links.items():
         if inertial is None or not (defect := _defect(inertial.mass, inertial.inertia)):
             continue
-        notes.append(f"link '{name}': {defect}")
-        if not repair:
-            continue
-        if inertial.mass <= 0.0:
-            robot.links[name] = None
-            notes[-1] += "; its inertial element was removed"
-            continue
-        values, axes = np.linalg.eigh(second_moments(inertial.inertia))
-        floor = max(REPAIRED_RATIO * float(values.max()), inertial.mass * REPAIRED_RADIUS**2)
-        moments = axes @ np.diag(np.maximum(values, floor)) @ axes.T
-        robot.links[name] = inertial._replace(inertia=np.trace(moments) * np.eye(3) - moments)
-        notes[-1] += "; repaired"
+        done = ""
+        if repair:
+            robot.links[name] = None if inertial.mass <= 0.0 else _clamped(inertial)
+            done = "; its inertial element was removed" if inertial.mass <= 0.0 else "; repaired"
+        notes.append(f"link '{name}': {defect}{done}")
     for name, (defect, own) in _massless(robot, fixed).items():
-        notes.append(f"link '{name}': {defect}")
+        done = ""
         if repair:
             mass, old = max(REPAIRED_MASS, own), robot.links[name]
             place = pin.SE3.Identity() if old is None else old.place
             robot.links[name] = Inertial(mass, 2.0 * mass * REPAIRED_RADIUS**2 * np.eye(3), place)
-            notes[-1] += f"; repaired with {mass:g} kg"
+            done = f"; repaired with {mass:g} kg"
+        notes.append(f"link '{name}': {defect}{done}")
     if notes and not repair:
         raise ModelError(
             f"the model cannot be simulated: {'; '.join(notes)}. Correct the file, or pass repair=True (--repair) to "
             "clamp these inertias to the nearest physical ones"
         )
     return notes
+
+
+def _clamped(inertial: Inertial) -> Inertial:
+    """Return the nearest inertia that a body can have, its second moments of mass clamped from below."""
+    values, axes = np.linalg.eigh(second_moments(inertial.inertia))
+    floor = max(REPAIRED_RATIO * float(values.max()), inertial.mass * REPAIRED_RADIUS**2)
+    moments = axes @ np.diag(np.maximum(values, floor)) @ axes.T
+    return inertial._replace(inertia=np.trace(moments) * np.eye(3) - moments)
 
 
 def _defect(mass: float, inertia: Array) -> str:

@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from wbc.base.errors import ModelError
-from wbc.base.numbers import Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.frames import Sole
 from wbc.core.model import driven_joints, joints_to
 
@@ -28,6 +28,9 @@ NEXT = 0.02
 
 SPREAD = math.radians(30.0)
 """Distance of a second start of the search from the first, towards the middle of the joints' ranges, rad."""
+
+AHEAD = 0.01
+"""Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
 
 PITCHES = 0.7
 """Least part of a knee's axis along y of the root."""
@@ -133,15 +136,49 @@ def what_is_wrong(error: Array, soles: tuple[Sole, ...]) -> str:
     return " and ".join(text for size, text in sorted(parts, reverse=True)[:2] if size > SOLVED)
 
 
+def heading(model: pin.Model, soles: tuple[Sole, ...], feet_found: bool) -> float:
+    """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
+
+    Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
+    ankles; where toes say nothing, knees bend forward. With one sign alone the soles are more likely to be swapped.
+    With `feet_found` the left foot is only the one with the larger y.
+    """
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    ids = [model.getFrameId(sole.frame) for sole in soles]
+    if any(not joints_to(model, sole.frame) for sole in soles):
+        return 0.0
+    places = [np.array(data.oMf[i].translation) for i in ids]
+    ankles = [np.array(data.oMi[model.frames[i].parentJoint].translation) for i in ids]
+    toes = 0.5 * sum(place - ankle for place, ankle in zip(places, ankles, strict=True))
+    left = places[0] - places[1]
+    ahead = np.array([left[1], -left[0], 0.0]) / max(ROUNDING, float(np.hypot(left[0], left[1])))
+    angle = float(np.arctan2(ahead[1], ahead[0]))
+    turns = round(angle / (0.5 * math.pi))
+    pointing = float(toes @ ahead)
+    if turns and abs(pointing) < AHEAD:
+        pointing = float(sum(knee_direction(model, sole.frame) for sole in soles) @ ahead)
+    if feet_found and turns == 0 and pointing < -AHEAD:  # the sides say nothing: the left foot is that with the larger y
+        return math.pi
+    if turns == 0 or pointing < AHEAD:
+        return 0.0
+    return turns * 0.5 * math.pi
+
+
 def knee_direction(model: pin.Model, sole: str) -> Array:
-    """Return the velocity of the knee of a sole's leg by its bend, in root axes, shape (3,), m/rad."""
+    """Return the velocity of the knee of a sole's leg by its bend, in root axes, shape (3,), m/rad.
+
+    The root may look anywhere, so that the knee, unlike in `_knee`, may turn about any axis. It bends to where its
+    range is wider; one with the same range to both sides, or without end, says nothing: zero.
+    """
     data, leg = model.createData(), joints_to(model, sole)
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)
     foot = data.oMf[model.getFrameId(sole)].translation
     middle = _farthest(data, leg, leg[0], foot)
     knee = model.joints[middle]
-    bent = math.copysign(1.0, model.upperPositionLimit[knee.idx_q] + model.lowerPositionLimit[knee.idx_q])
+    ends = model.lowerPositionLimit[knee.idx_q], model.upperPositionLimit[knee.idx_q]
+    bent = np.sign(sum(ends)) if np.isfinite(ends).all() else 0.0
     return np.asarray(np.cross(foot - data.oMi[middle].translation, bent * data.J[3:, knee.idx_v]))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,9 @@ CORNERS = 150
 SMALLEST = 0.002
 """Least half size of a shape, m."""
 
-Make = Callable[[Geometry, Path | None], Any]
+Made = TypeVar("Made")
+
+Make = Callable[[Geometry, Path | None], Made | None]
 """Function of a shape and the file of its mesh, if it is one that is found, that returns another shape, or None."""
 
 
@@ -65,7 +67,7 @@ def capsules(
     return found
 
 
-def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make) -> dict[str, list[Any]]:
+def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make[Made]) -> dict[str, list[Made]]:
     """Return link → what is made of its collision shapes, or of its visual shapes where that is nothing."""
     names = {shape.file for shape in robot.shapes if shape.kind == "mesh"}
     files = {name: path for name in sorted(names) if (path := resolve(name, package_dirs)) is not None}
@@ -74,9 +76,9 @@ def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make) -> dict[s
     return {link: list(shapes) for link, shapes in _of_files(robot, make, stamps).items()}
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)  # it keeps the shapes of whole robots
 def _of_files(
-    robot: Mechanism, make: Make, stamps: tuple[tuple[str, Path, int, int], ...]
+    robot: Mechanism, make: Make[Any], stamps: tuple[tuple[str, Path, int, int], ...]
 ) -> dict[str, list[Any]]:
     """Return what is made of the shapes of each link, anew when a mesh has changed."""
     found: dict[str, dict[str, list[Any]]] = {}

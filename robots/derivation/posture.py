@@ -20,6 +20,9 @@ INSIDE = 0.05
 BENT = (math.radians(25.0), math.radians(70.0))
 """Range of the knee bend of a posture that a file offers as half-sitting, rad."""
 
+LEVEL_STEP = 1e-3
+"""Largest height of a sole over the other one in half-sitting, m."""
+
 FLATNESS = 5e-3
 """Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
 
@@ -135,9 +138,9 @@ def check_standing(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
                 f"at most {math.degrees(FLATNESS):.2f}° is allowed"
             )
     step = abs(float(places[0].translation[2] - places[1].translation[2]))
-    if step > 1e-3:
+    if step > LEVEL_STEP:
         raise InputError(
-            f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most 1 mm is allowed"
+            f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most {1e3 * LEVEL_STEP:g} mm is allowed"
         )
     corners = np.concatenate([sole.corners(place) for sole, place in zip(soles, places, strict=True)])[:, :2]
     low, high = corners.min(axis=0), corners.max(axis=0)

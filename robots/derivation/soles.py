@@ -29,8 +29,8 @@ from wbc.robots.mesh_files import read_mesh, resolve
 Soles: TypeAlias = tuple[Sole, ...]
 """Left and right sole; none of a robot without feet."""
 
-SoleFinder = Callable[[pin.Model, float], tuple[Soles, list[str]]]
-"""Function of a robot's model and the turn of its root so far, rad, that returns the soles and notes on them."""
+SoleFinder = Callable[[pin.Model, float, list[str]], Soles]
+"""Function that returns the soles of a robot's model, of the turn of its root so far, rad, and of a list for notes."""
 
 SOLE_RATIO = (0.152 / 0.530, 0.055 / 0.530)
 """Length and width of a sole over the height of the hip above it (Winter 2009, fig. 4.1)."""
@@ -70,70 +70,78 @@ class Rectangle(NamedTuple):
     width: float
 
 
-def from_geometry(
-    shapes: Sequence[Geometry],
-    given: tuple[str | FrameDescription, str | FrameDescription],
-    size: tuple[float, float] | None,
-    package_dirs: tuple[str, ...],
-) -> SoleFinder:
-    """Return the finder of given soles, left and right, from the shapes of a robot; see `complete_sole`."""
+class FootGeometry(NamedTuple):
+    """What the rectangles of soles are made of.
 
-    def find(model: pin.Model, _: float) -> tuple[Soles, list[str]]:
-        notes: list[str] = []
+    Attributes:
+        shapes: Shapes of the robot.
+        size: Given length and width, m; None for those of the shapes.
+        package_dirs: Folders with the meshes.
+    """
+
+    shapes: Sequence[Geometry]
+    size: tuple[float, float] | None
+    package_dirs: tuple[str, ...]
+
+
+def from_geometry(
+    geometry: FootGeometry, given: tuple[str | FrameDescription, str | FrameDescription]
+) -> SoleFinder:
+    """Return the finder of given soles, left and right; see `complete_sole`."""
+
+    def find(model: pin.Model, _: float, notes: list[str]) -> Soles:
         one, other = (
-            complete_sole(shapes, model, name, each, size, package_dirs, notes)
+            complete_sole(geometry, model, name, each, notes)
             for name, each in zip(frames.SOLE_NAMES, given, strict=True)
         )
-        return (one, other), notes
+        return one, other
 
     return find
 
 
 def complete_sole(
-    shapes: Sequence[Geometry],
-    model: pin.Model,
-    name: SoleName,
-    given: str | FrameDescription,
-    size: tuple[float, float] | None,
-    package_dirs: tuple[str, ...],
-    notes: list[str],
+    geometry: FootGeometry, model: pin.Model, name: SoleName, given: str | FrameDescription, notes: list[str]
 ) -> Sole:
     """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
 
-    What is given is a frame of the URDF, a placement in a link, or the whole description; `size` is length and width,
-    m, from the geometry of the foot when None.
+    What is given is a frame of the URDF, a placement in a link, or the whole description.
     """
     if isinstance(given, Sole):
         if given.name != name:
             raise InputError(f"the sole given for '{name}' is called '{given.name}'")
         frames.body_frame(model, given.link)
         return given
-    frame, link, placement = _place_of(model, name, given)
     # The rectangle is looked for in a frame with the axes of the base: x forward, z away from the ground.
-    data = model.createData()
+    frame, link, place = _place_of(model, name, given)
+    data, body = model.createData(), frames.body_frame(model, link)
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    body = frames.body_frame(model, link)
-    in_base = data.oMi[body.parentJoint] * body.placement * placement
+    in_base = data.oMi[body.parentJoint] * body.placement * place
     turned = isinstance(given, str) and not (np.diag(in_base.rotation) > ALIGNED).all()
     if turned:
-        placement = placement * pin.SE3(in_base.rotation.T, np.zeros(3))
+        place = place * pin.SE3(in_base.rotation.T, np.zeros(3))
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
-    there = pin.Frame(frame, body.parentJoint, 0, body.placement * placement, pin.FrameType.OP_FRAME)
-    rectangle, odd = sole_rectangle(shapes, model, there, package_dirs), ""
-    if rectangle is not None and not plausible(*rectangle[1:], float(np.linalg.norm(in_base.translation))):
-        odd, rectangle = no_sole(*rectangle[1:]), None
+    there = pin.Frame(frame, body.parentJoint, 0, body.placement * place, pin.FrameType.OP_FRAME)
+    found = sole_rectangle(geometry.shapes, model, there, geometry.package_dirs)
+    odd = "" if found is None else _odd(found, in_base)
+    rectangle = None if odd else found
+    if odd:
         notes.append(f"{name}: {odd}")
-    if size is None:
-        hip = data.oMi[model.supports[body.parentJoint][2]].translation[2] if body.parentJoint > 1 else 0.0
-        size = _sides(name, rectangle, float(hip - in_base.translation[2]), notes)
+    hip = data.oMi[model.supports[body.parentJoint][2]].translation[2] if body.parentJoint > 1 else 0.0
+    size = geometry.size or _sides(name, rectangle, float(hip - in_base.translation[2]), notes)
     centre = np.zeros(3) if rectangle is None else rectangle.centre
     if isinstance(given, str) and (turned or np.linalg.norm(centre) >= SAME_PLACE):
-        frame, placement = f"{name}_sole", placement * along(centre)
+        frame, place = f"{name}_sole", place * along(centre)
         x, y, z = np.round(centre * 1e3) + 0.0
         notes.append(f"{name}: sole frame '{frame}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
-    sole = sole_at(frames.frame_at(frame, link, placement), name, size)
+    sole = sole_at(frames.frame_at(frame, link, place), name, size)
     refuse_at_ankle(model, sole, odd)
     return sole
+
+
+def _odd(found: Rectangle, in_base: pin.SE3) -> str:
+    """Return why a rectangle is none of a sole, at its place in the base; empty for one that is."""
+    sides = found.length, found.width
+    return "" if plausible(*sides, float(np.linalg.norm(in_base.translation))) else no_sole(*sides)
 
 
 def sole_at(place: FrameDescription, name: SoleName, size: tuple[float, float]) -> Sole:
@@ -215,7 +223,7 @@ def sole_rectangle(
     below = set(model.subtrees[sole.parentJoint])  # toes, too
     links = {str(f.name): i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
     here = data.oMi[sole.parentJoint] * sole.placement
-    wide = other = None
+    best: tuple[int, Rectangle] | None = None
     for role, up_axis in itertools.product(("collision", "visual"), (False, True)):
         clouds = []
         for shape in (each for each in shapes if each.role == role):
@@ -225,13 +233,13 @@ def sole_rectangle(
         if not clouds:
             continue
         found = footprint(np.concatenate(clouds))
-        if not plausible(*found[1:], float(np.linalg.norm(here.translation))):
-            other = other or found
-        elif found.width <= found.length:
-            return found
-        else:
-            wide = wide or found
-    return wide or other
+        of_sole = plausible(found.length, found.width, float(np.linalg.norm(here.translation)))
+        rank = int(found.width > found.length) if of_sole else 2  # 1 for one that is wider than long, 2 for none
+        if best is None or rank < best[0]:
+            best = rank, found
+        if rank == 0:
+            break
+    return best and best[1]
 
 
 def footprint(points: Array) -> Rectangle:

@@ -69,5 +69,5 @@ def joints_of(tree: Tree, chains: list[Chain]) -> set[str]:
         found |= sides[0] ^ sides[1]
     for joint in found:
         if int(tree.model.jnt_type[joint]) == BALL:
-            raise tree.ball(joint)
+            tree.refuse_ball(joint)
     return {name for name, joint in tree.joints.items() if joint in found}

@@ -24,7 +24,7 @@ from wbc.robots.readers.actuators_mjcf import (
     stiffness,
     switched_off,
 )
-from wbc.robots.readers.forces_mjcf import pulls, unmodelled
+from wbc.robots.readers.forces_mjcf import pulls
 from wbc.robots.readers.tree_mjcf import Tree
 
 HOME = ("half_sitting", "halfsitting", "half-sitting", "home", "stand", "knees_bent", "walk_pose")
@@ -46,8 +46,10 @@ class JointData:
         damping: Joint → passive damping, Nms/rad.
         frictionloss: Joint → dry friction, Nm.
         springs: Joint → (stiffness, rest position), Nm/rad and rad.
+        acting: True if an actuator of the file drives a joint; without one all joints are taken as driven.
     """
 
+    acting: bool = False
     torque: dict[str, tuple[float, float]] = field(default_factory=dict)
     gains: dict[str, tuple[float, float]] = field(default_factory=dict)
     armature: dict[str, float] = field(default_factory=dict)
@@ -57,27 +59,39 @@ class JointData:
 
 
 def read_drives(tree: Tree) -> JointData:
-    """Return the drives of a robot; the notes of `tree` get lines.
+    """Return the drives of a robot.
 
-    An actuator that drives a tendon, a site or a body of the robot is a `ModelError`.
+    Raises:
+        ModelError: An actuator that drives a tendon, a site or a body of the robot; ranges of torques of one joint that
+            have nothing in common.
     """
+    refuse_other_drives(tree)
+    drives = _passive(tree)
+    _drive(tree, drives)
+    drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
+    drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
+    return drives
+
+
+def _passive(tree: Tree) -> JointData:
+    """Return rotors, friction and springs of the joints of a robot."""
     model, drives = tree.model, JointData()
-    names = {number: name for name, number in tree.joints.items()}
-    ranges: dict[str, tuple[float, float]] = {}
     rotors, rubbing, dry = rotor_inertia(model), damping(model), dry_friction(model)
     springs = stiffness(model)
-    for number, name in names.items():
+    for name, number in tree.joints.items():
         dof = int(model.jnt_dofadr[number])
         drives.armature[name] = float(rotors[dof])
         drives.damping[name] = float(rubbing[dof])
         drives.frictionloss[name] = float(dry[dof])
-        if model.jnt_actfrclimited[number]:
-            ranges[name] = _range(model.jnt_actfrcrange[number])
         if springs[number]:
             drives.springs[name] = float(springs[number]), float(model.qpos_spring[model.jnt_qposadr[number]])
     _reflect(drives, tree)
-    tree.notes.doubtful += unmodelled(model, tree.bodies, names, tree.ties)
-    refuse_other_drives(tree)
+    return drives
+
+
+def _drive(tree: Tree, drives: JointData) -> None:
+    """Add what the actuators of a robot do: their gains and torques."""
+    model, names = tree.model, {number: name for name, number in tree.joints.items()}
     sums: dict[str, tuple[float, float]] = {}
     for each in actuators(model):
         gear = each.gear
@@ -90,16 +104,13 @@ def read_drives(tree: Tree) -> JointData:
         sums[name] = before[0] + low, before[1] + high
         kp, kd = drives.gains.get(name, (0.0, 0.0))
         drives.gains[name] = kp - float(each.bias[1]) * gear**2, kd - float(each.bias[2]) * gear**2
-    for name in {**ranges, **sums}:
-        low, high = _inside(sums.get(name, UNBOUNDED), ranges.get(name, UNBOUNDED))
-        if math.isfinite(high) and max(-low, high) > 0.0:
-            drives.torque[name] = low, high
-    if not sums:
-        tree.notes.append("no actuators in the file that act: all joints are taken as driven")
+    drives.acting = bool(sums)
     drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
-    drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
-    drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
-    return drives
+    for number, name in names.items():
+        limit = _range(model.jnt_actfrcrange[number]) if model.jnt_actfrclimited[number] else UNBOUNDED
+        low, high = _inside(f"joint '{name}'", sums.get(name, UNBOUNDED), limit)
+        if math.isfinite(high):
+            drives.torque[name] = low, high
 
 
 def _reflect(drives: JointData, tree: Tree) -> None:
@@ -164,13 +175,18 @@ def _range(given: Array) -> tuple[float, float]:
     return (low, high) if low < high else UNBOUNDED
 
 
-def _inside(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    return max(one[0], other[0]), min(one[1], other[1])
+def _inside(what: str, one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Return the range that is in two ranges of torques, Nm; a `ModelError` that names `what` without one."""
+    low, high = max(one[0], other[0]), min(one[1], other[1])
+    if not low < high:
+        ranges = " and ".join(f"[{ends[0]:g}, {ends[1]:g}]" for ends in (one, other))
+        raise ModelError(f"{what}: its ranges of torques, {ranges}, have no range in common")
+    return low, high
 
 
 def _force_range(model: mujoco.MjModel, actuator: JointActuator) -> tuple[float, float]:
     """Return least and greatest force of an actuator before its gear; infinite where the file gives none."""
-    limit, i = UNBOUNDED, actuator.number
+    limit, i, name = UNBOUNDED, actuator.number, f"actuator '{actuator_name(model, actuator.number)}'"
     if model.actuator_forcelimited[i]:
         limit = _range(model.actuator_forcerange[i])
     gain = actuator.gain
@@ -178,9 +194,9 @@ def _force_range(model: mujoco.MjModel, actuator: JointActuator) -> tuple[float,
         return limit
     clamped = not switched_off(model, mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     if clamped and model.actuator_ctrllimited[actuator.control]:
-        limit = _inside(limit, _range(gain * model.actuator_ctrlrange[actuator.control]))
+        limit = _inside(name, limit, _range(gain * model.actuator_ctrlrange[actuator.control]))
     if model.actuator_actlimited[i]:
-        limit = _inside(limit, _range(gain * model.actuator_actrange[i]))
+        limit = _inside(name, limit, _range(gain * model.actuator_actrange[i]))
     return limit
 
 

@@ -20,6 +20,12 @@ from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.shapes_mjcf import kind_of, vertices_of
 from wbc.robots.readers.tree_mjcf import FREE, Tree
 
+THIN = 1e-3
+"""Extent of points over their longest one below which they are a line or lie in a plane."""
+
+NARROW = 1e-3
+"""Extent of the points of a side, m, below which it is none."""
+
 FLAT = np.cos(np.radians(1.0))
 """Cosine of the tilt of a foot against the base, at qpos0, up to which its sole has the axes of the base."""
 
@@ -42,8 +48,9 @@ def find_soles(
     size: tuple[float, float] | None,
     _: pin.Model,
     turn: float,
-) -> tuple[tuple[Sole, Sole], list[str]]:
-    """Return the soles, and a note for each rule that was used.
+    notes: list[str],
+) -> tuple[Sole, Sole]:
+    """Return the soles; `notes` gets a line for each rule that was used.
 
     Feet are given whole, or named by body, site or geom; None for the two lowest ends of limbs. `size` is length and
     width, m, from the geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks,
@@ -51,17 +58,17 @@ def find_soles(
     """
     left, right = given
     if isinstance(left, Sole) and isinstance(right, Sole):
-        return (left, right), []
+        return left, right
     if isinstance(left, FrameDescription) or isinstance(right, FrameDescription):
         raise ModelError(
             "left_sole and right_sole must both be names, or both have a place, a length and a width, got "
             f"{shown(left)} and {shown(right)}"
         )
-    finder = _Finder(tree, turn)
+    finder = _Finder(tree, turn, notes)
     named = [None if name is None else finder.named(name) for name in (left, right)]
     found = finder.lowest([foot.body for foot in named if foot])
     one, other = (foot or found.pop(0) for foot in named)
-    return (finder.sole("left_foot", one, size), finder.sole("right_foot", other, size)), finder.notes
+    return finder.sole("left_foot", one, size), finder.sole("right_foot", other, size)
 
 
 class _Finder:
@@ -73,8 +80,8 @@ class _Finder:
         notes: Rules that were used, one line each.
     """
 
-    def __init__(self, tree: Tree, turn: float) -> None:
-        self.tree, self.model = tree, tree.model
+    def __init__(self, tree: Tree, turn: float, notes: list[str]) -> None:
+        self.tree, self.model, self.notes = tree, tree.model, notes
         self.data = data = mujoco.MjData(self.model)
         for joint, value in tree.locked.items():
             data.qpos[self.model.jnt_qposadr[joint]] = value
@@ -85,7 +92,6 @@ class _Finder:
         mujoco.mj_kinematics(self.model, data)
         self.base = data.xmat[tree.root].reshape(3, 3) @ yaw_rotation(turn)
         self.touches = _touch_ground(self.model)
-        self.notes: list[str] = []
 
     def named(self, name: str) -> FootGeoms:
         """Return the foot of a body, a site or a geom."""
@@ -261,9 +267,9 @@ def _flat_side(points: Array, up: Array) -> Array | None:
         return None
     centred = points - points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(centred, full_matrices=False)
-    if sizes[1] < 1e-3 * max(sizes[0], ROUNDING):
+    if sizes[1] < THIN * max(sizes[0], ROUNDING):
         return None  # a line
-    if len(points) == 3 or sizes[2] < 1e-3 * sizes[0]:
+    if len(points) == 3 or sizes[2] < THIN * sizes[0]:
         normal = -axes[2] if axes[2] @ up < 0.0 else axes[2]
         return np.asarray(normal) if normal @ up > STEEPEST else None
     try:
@@ -280,7 +286,7 @@ def _flat_side(points: Array, up: Array) -> Array | None:
         near = points[height < height.min() + SLICE]
         flat = near @ np.stack([side, across], axis=1)
         spread = np.ptp(flat, axis=0)
-        if (spread < 1e-3).any() or len(near) < 3:
+        if (spread < NARROW).any() or len(near) < 3:
             continue
         try:
             area = float(ConvexHull(flat).volume)

@@ -17,7 +17,7 @@ from wbc.robots.readers.actuators_mjcf import (
     stiffness,
     switched_off,
 )
-from wbc.robots.report import UNMODELLED, listed
+from wbc.robots.notes import UNMODELLED, listed
 
 OFF = mujoco.mjtDisableBit
 """Option flags that switch something off."""

@@ -3,95 +3,86 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
-from wbc.robots.derivation.complete import Notes, Read, complete
-from wbc.robots.options import DescriptionOptions
+from wbc.robots.derivation.complete import FileRobot
+from wbc.robots.notes import UNMODELLED, listed
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
+from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.readers.tree_mjcf import Tree
-from wbc.robots.report import UNMODELLED, listed
 
 NO_DRIVE = 1.0
 """Torque limit of a joint without a drive, Nm: it needs one, and the description has none."""
 
 
-def fields(
+def read(
     source: Any,
     soles: tuple[str | FrameDescription | None, str | FrameDescription | None],
     sole_size: tuple[float, float] | None,
     *,
-    name: str | None,
     feet: bool,
     fixed: bool,
     root: str | None,
     meshes: bool,
     use_gains: bool,
-    provenance: str | None,
-    **options: Unpack[DescriptionOptions],
-) -> dict[str, Any]:
-    """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
+    lock: Mapping[str, float],
+) -> FileRobot:
+    """Return the robot in an MJCF; see `RobotDescription.from_mjcf`."""
     model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
-    tree, chains, idle = _tree_of(model, root, options.pop("lock", None) or {}, fixed)
+    tree, chains, held, idle = _tree_of(model, root, lock, fixed)
     drives = drives_mjcf.read_drives(tree)
-    shapes, closures = shapes_mjcf.shapes(tree, moved), mechanism_mjcf.closures(tree, chains)
+    notes = tree.left_out()
+    if not drives.acting:
+        notes.append("no actuators in the file that act: all joints are taken as driven")
+    shapes, closures = shapes_mjcf.shapes(tree, moved, notes), mechanism_mjcf.closures(tree, chains)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
     torque |= dict.fromkeys(idle, NO_DRIVE)
-    given = options.get("torque_limits") or {}
     one_sided = {
-        joint: (low, high)
-        for joint, (low, high) in drives.torque.items()
-        if not math.isclose(-low, high) and joint not in given
+        joint: (low, high) for joint, (low, high) in drives.torque.items() if not math.isclose(-low, high)
     }
-    tree.note_speeds()
     imu, sensors = drives_mjcf.sensors(tree)
-    read = Read(
-        lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
-        name or _model_name(model) or tree.body_name(tree.root),
-        provenance or _origin(source),
-        tree.notes,
-        partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
+    return FileRobot(
+        mechanism=lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
+        name=_model_name(model) or tree.body_name(tree.root),
+        source=_origin(source),
+        notes=(*notes, *tree.without_speed()),
+        doubtful=(*_held(held), *_unmodelled(tree, chains)),
+        find_soles=partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
         named=soles != (None, None),
         postures=drives_mjcf.keyframes(tree),
-        loops=closures,
+        closures=closures,
         passive=tuple(idle),
-        fields={
-            "damping": drives.damping,
-            "frictionloss": drives.frictionloss,
-            "springs": drives.springs,
-            "torque_ranges": one_sided,
-            "sensors": sensors,
-            "locked": {tree.joint_name(joint): value for joint, value in tree.locked.items()},
-        },
+        imu=imu,
+        armature=drives.armature,
+        gains=drives.gains if use_gains else {},
+        damping=drives.damping,
+        frictionloss=drives.frictionloss,
+        springs=drives.springs,
+        torque_ranges=one_sided,
+        sensors=sensors,
+        locked={tree.joint_name(joint): value for joint, value in tree.locked.items()},
     )
-    _take(options, drives, imu, use_gains, tree.notes)
-    return complete(read, **options)
 
 
-def _take(
-    options: DescriptionOptions,
-    drives: drives_mjcf.JointData,
-    imu: FrameDescription | None,
-    use_gains: bool,
-    notes: Notes,
-) -> None:
-    """Put gains, rotor inertias and the IMU of the file where the options do not give them."""
-    if use_gains:
-        options["gains"] = {**drives.gains, **(options.get("gains") or {})}
-    armature = options.get("armature")
-    if armature is None or isinstance(armature, Mapping):
-        options["armature"] = {**drives.armature, **(armature or {})}
-    if options.get("imu") is None and imu is not None:
-        options["imu"] = imu
-        notes.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
+def _held(joints: Sequence[str]) -> list[str]:
+    """Return a doubt about joints without an actuator."""
+    said = f"{UNMODELLED}{len(joints)} joints without an actuator, passive and taken as fixed: {listed(joints)}"
+    return [said] if joints else []
+
+
+def _unmodelled(tree: Tree, chains: Sequence[chains_mjcf.Chain]) -> list[str]:
+    """Return the doubts about forces that no description has; closed chains and couplings are none."""
+    ties = [*tree.ties, *(chain.number for chain in chains)]
+    return unmodelled(tree.model, tree.bodies, {number: name for name, number in tree.joints.items()}, ties)
 
 
 def _origin(source: Any) -> str:
@@ -102,21 +93,17 @@ def _origin(source: Any) -> str:
 
 def _tree_of(
     model: Any, root: str | None, lock: Mapping[str, float], fixed: bool
-) -> tuple[Tree, list[chains_mjcf.Chain], list[str]]:
-    """Return the robot, its closed chains, and their joints without a drive; others without one are fixed."""
+) -> tuple[Tree, list[chains_mjcf.Chain], list[str], list[str]]:
+    """Return the robot, its closed chains, and its joints without a drive: those that are fixed, those that are not."""
     tree = tree_mjcf.find_tree(model, root, lock, fixed)
     passive = drives_mjcf.passive_joints(tree)
     moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
     passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
-    if passive:
+    if passive:  # which joints have no drive is known of a tree alone: it is found once more with these locked
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
-    if held := [*passive, *tree.balls()]:
-        tree.notes.doubtful.append(
-            f"{UNMODELLED}{len(held)} joints without an actuator, passive and taken as fixed: {listed(held)}"
-        )
     chains = chains_mjcf.find_chains(tree)
-    tree.ties += [chain.number for chain in chains]
-    return tree, chains, sorted(moved_along & chains_mjcf.joints_of(tree, chains))
+    idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))
+    return tree, chains, [*passive, *tree.ball_joints()], idle
 
 
 def _model_name(model: Any) -> str:

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Unpack
 
 from wbc.base.errors import InputError
 from wbc.core.frames import FrameDescription
 from wbc.robots import tidying, urdf
-from wbc.robots.derivation.complete import Notes, Read, complete
-from wbc.robots.derivation.soles import from_geometry
+from wbc.robots.derivation.complete import FileRobot
+from wbc.robots.derivation.soles import FootGeometry, from_geometry
 from wbc.robots.mesh_files import mesh_folders
-from wbc.robots.options import DescriptionOptions
 
 
-def fields(
+def read(
     source: str | Path,
     soles: tuple[str | FrameDescription | None, str | FrameDescription | None],
     sole_size: tuple[float, float] | None,
     *,
-    name: str | None,
     package_dirs: tuple[str, ...],
     fixed: bool,
-    provenance: str | None,
-    **options: Unpack[DescriptionOptions],
-) -> dict[str, Any]:
-    """Return the fields of the `RobotDescription` of a URDF; see `RobotDescription.from_urdf`."""
+    lock: Mapping[str, float],
+    repair: bool,
+) -> FileRobot:
+    """Return the robot in a URDF; see `RobotDescription.from_urdf`."""
     left, right = soles
     if (left is None) != (right is None):
         raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
@@ -34,18 +32,16 @@ def fields(
     folder = Path(source).expanduser().resolve().parent if is_file else None
     meshes = (shape.file for shape in robot.shapes if shape.kind == "mesh")
     folders, notes = mesh_folders(meshes, package_dirs, folder)
-    locked, changes = tidying.tidy(robot, fixed, options.get("lock") or {}, options.get("repair", False))
+    locked, changes = tidying.tidy(robot, fixed, lock, repair)
     finder = None
     if left is not None and right is not None and not fixed:
-        finder = from_geometry(robot.shapes, (left, right), sole_size, folders)
-    read = Read(
-        partial(robot.mechanism, fixed),
-        name,
-        provenance or (str(source) if is_file else "URDF string"),
-        Notes(notes + changes),
-        finder,
+        finder = from_geometry(FootGeometry(robot.shapes, sole_size, folders), (left, right))
+    return FileRobot(
+        mechanism=partial(robot.mechanism, fixed),
+        source=str(source) if is_file else "URDF string",
+        notes=(*notes, *changes),
+        find_soles=finder,
         named=left is not None,
         package_dirs=folders,
-        fields={"locked": locked},
+        locked=locked,
     )
-    return complete(read, **options)

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Geometry, along, placement_of
 from wbc.robots.readers.tree_mjcf import Tree
-from wbc.robots.report import listed
+from wbc.robots.notes import listed
 
 DRAWN = 3
 """Groups of geoms below this one are drawn; MuJoCo's viewers hide the others."""
@@ -41,8 +41,8 @@ def mesh_files(model: mujoco.MjModel, moved: Collection[str]) -> dict[int, str]:
     return found
 
 
-def shapes(tree: Tree, moved: Collection[str]) -> tuple[Geometry, ...]:
-    """Return the shapes of a robot's bodies; `tree` gets notes; `moved` see `mesh_files`.
+def shapes(tree: Tree, moved: Collection[str], notes: list[str]) -> tuple[Geometry, ...]:
+    """Return the shapes of a robot's bodies; `notes` gets those that are boxes here; `moved` see `mesh_files`.
 
     What is drawn are the geoms of the groups that viewers show, collisions those that can touch anything; where none of
     a body can, those of the group for collisions, as robots are written whose contacts are explicit pairs.
@@ -61,7 +61,7 @@ def shapes(tree: Tree, moved: Collection[str]) -> tuple[Geometry, ...]:
             made = (_shape(model, geom, tree.body_name(body), role, files, boxed) for geom in some)
             found += [each for each in made if each is not None]
     if boxed:
-        tree.notes.append(f"shapes of MuJoCo alone are the boxes around them: {listed([*boxed])}")
+        notes.append(f"shapes of MuJoCo alone are the boxes around them: {listed([*boxed])}")
     return tuple(found)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, NoReturn
 
 import mujoco
 import pinocchio as pin
@@ -11,11 +12,10 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
-from wbc.robots.derivation.complete import Notes
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
-from wbc.robots.report import listed
+from wbc.robots.notes import listed
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
@@ -26,20 +26,31 @@ SPEED, SLIDE_SPEED = 20.0, 1.0
 """Velocity limits of hinges, rad/s, and slides, m/s, for which a file gives none."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Tree:
-    """The robot in a compiled model."""
+    """The robot in a compiled model.
+
+    Attributes:
+        model: The compiled model.
+        root: Body that floats, or the first one of a robot that is bolted to the world.
+        bodies: Bodies of the robot, parents first.
+        fixed: True for a robot that is bolted to the world.
+        joints: Joints of the robot that move, name → number.
+        locked: Joints that are fixed, number → position, rad or m; 1 for a ball joint.
+        carrier: Body → the body that it is fixed to: the root, or one with a joint that moves.
+        coupled: Joints that move with another one, name → coupling.
+        ties: Equalities by which they do.
+    """
 
     model: mujoco.MjModel
-    root: int  # body that floats, or the first one of a robot that is bolted to the world
-    bodies: list[int]  # bodies of the robot, parents first
-    joints: dict[str, int]  # joints of the robot that move, name → number
-    locked: dict[int, float]  # joints that are fixed, number → position, rad or m
-    carrier: dict[int, int]  # body → the body that it is fixed to: the root, or one with a joint that moves
-    coupled: dict[str, Coupling] = field(default_factory=dict)  # joints that move with another one
-    fixed: bool = False  # True for a robot that is bolted to the world
-    ties: list[int] = field(default_factory=list)  # equalities by which they do
-    notes: Notes = field(default_factory=Notes)
+    root: int
+    bodies: list[int]
+    fixed: bool
+    joints: Mapping[str, int] = field(default_factory=dict)
+    locked: Mapping[int, float] = field(default_factory=dict)
+    carrier: Mapping[int, int] = field(default_factory=dict)
+    coupled: Mapping[str, Coupling] = field(default_factory=dict)
+    ties: tuple[int, ...] = ()
 
     def body_name(self, body: int) -> str:
         """Return the name of the link of a body; one that is called as Pinocchio's world is has another."""
@@ -54,13 +65,22 @@ class Tree:
         number = joint - int(self.model.body_jntadr[body])
         return f"{self.body_name(body)}_joint{number or ''}"
 
-    def balls(self) -> list[str]:
+    def left_out(self) -> list[str]:
+        """Return a note on each body of the file with joints that is no part of the robot."""
+        model = self.model
+        tops = {int(model.body_rootid[b]) for b in range(1, model.nbody) if int(model.body_jntnum[b])}
+        return [
+            f"body '{self.body_name(top)}' and what hangs on it is left out: no part of the robot"
+            for top in sorted(tops - {self.root})
+        ]
+
+    def ball_joints(self) -> list[str]:
         """Return the ball joints, which are all fixed."""
         return [self.joint_name(joint) for joint in self.locked if int(self.model.jnt_type[joint]) == BALL]
 
-    def ball(self, joint: int) -> ModelError:
-        """Return the error of a ball joint that would have to move."""
-        return ModelError(
+    def refuse_ball(self, joint: int) -> NoReturn:
+        """Raise a `ModelError` for a ball joint that would have to move."""
+        raise ModelError(
             f"joint '{self.joint_name(joint)}' is a ball joint; joints of one coordinate are required: write three "
             "hinges in its body in place of it, or fix it by three that are locked"
         )
@@ -92,14 +112,13 @@ class Tree:
         known = {self.model.numeric(i).name: i for i in range(self.model.nnumeric)}
         return {n: float(self.model.numeric(known[g]).data[0]) for n, g in given.items() if g in known}
 
-    def note_speeds(self) -> None:
-        """Note the joints whose velocity limit is the default, because the file gives none."""
+    def without_speed(self) -> list[str]:
+        """Return a note on the joints whose velocity limit is the default, because the file gives none."""
         given = self.speeds()
-        if without := [name for name in self.joints if name not in given]:
-            whose = "" if len(without) == len(self.joints) else f" of {listed(without)}"
-            self.notes.append(
-                f"velocity limits{whose}: an MJCF has none; {SPEED:g} rad/s (slides {SLIDE_SPEED:g} m/s)"
-            )
+        if not (without := [name for name in self.joints if name not in given]):
+            return []
+        whose = "" if len(without) == len(self.joints) else f" of {listed(without)}"
+        return [f"velocity limits{whose}: an MJCF has none; {SPEED:g} rad/s (slides {SLIDE_SPEED:g} m/s)"]
 
     def reference(self, joint: int) -> float:
         """Return the position of a joint in which the file shows the robot, rad or m."""
@@ -123,72 +142,93 @@ def find_tree(
     """
     number = _root(model, root, fixed)
     bodies = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == number]
-    tree = Tree(model, number, bodies, {}, {}, {}, fixed=fixed)
-    tops = {int(model.body_rootid[b]) for b in range(1, model.nbody) if int(model.body_jntnum[b])} - {number}
-    tree.notes += [
-        f"body '{tree.body_name(top)}' and what hangs on it is left out: no part of the robot"
-        for top in sorted(tops)
-    ]
+    tree = Tree(model, number, bodies, fixed)
     every = [joint for body in bodies for joint in tree.joints_of(body)]
     known = {tree.joint_name(joint): joint for joint in every if int(model.jnt_type[joint]) != BALL}
     driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on} & set(every)
+    locked: dict[int, float] = {}
     for joint in set(every) - set(known.values()):
         if joint in driven or not driven:
-            raise tree.ball(joint)
-        tree.locked[joint] = 1.0  # a quaternion that turns by nothing
+            tree.refuse_ball(joint)
+        locked[joint] = 1.0  # a quaternion that turns by nothing
     for name, value in lock.items():
-        tree.locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
-    _find_couplings(tree, known, driven)
-    tree.joints = {name: joint for name, joint in known.items() if joint not in tree.locked}
-    moving = {int(model.jnt_bodyid[joint]) for joint in tree.joints.values()}
-    for body in bodies:
-        tree.carrier[body] = (
-            body if body == number or body in moving else tree.carrier[int(model.body_parentid[body])]
-        )
-    if not tree.joints:
+        locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
+    coupled, ties = _find_couplings(tree, known, driven, locked)
+    joints = {name: joint for name, joint in known.items() if joint not in locked}
+    if not joints:
         raise ModelError(f"the robot at body '{tree.body_name(number)}' has no joint that moves")
-    return tree
+    moving = {int(model.jnt_bodyid[joint]) for joint in joints.values()} | {number}
+    carrier: dict[int, int] = {}
+    for body in bodies:
+        carrier[body] = body if body in moving else carrier[int(model.body_parentid[body])]
+    return replace(tree, joints=joints, locked=locked, carrier=carrier, coupled=coupled, ties=ties)
 
 
-def _find_couplings(tree: Tree, known: Mapping[str, int], driven: set[int]) -> None:
-    """Find the joints that an equality of the first degree couples to one that is driven; the others stay as they are.
+class _Tie(NamedTuple):
+    """Equality of the first degree: the position of a joint is the ratio times that of another one, plus an offset."""
 
-    With both driven, or none, the equality is a force that no description has.
+    number: int
+    one: int
+    two: int
+    ratio: float
+    offset: float
+
+    def turned(self) -> _Tie:
+        """Return the same equality for the other joint."""
+        return _Tie(self.number, self.two, self.one, 1.0 / self.ratio, -self.offset / self.ratio)
+
+
+def _find_couplings(
+    tree: Tree, known: Mapping[str, int], driven: set[int], locked: dict[int, float]
+) -> tuple[dict[str, Coupling], tuple[int, ...]]:
+    """Return the joints that an equality couples to one that is driven, and these equalities, from the drives outwards.
+
+    Joints that are coupled to a locked one are locked too: `locked` gets them. With both joints of an equality driven,
+    or none, it is a force that no description has.
     """
-    model, names = tree.model, {number: name for name, number in known.items()}
-    waiting = {}
+    names, coupled = {number: name for name, number in known.items()}, dict[str, Coupling]()
+    leading, ties, waiting = driven | set(locked), list[int](), _ties(tree, names)
+    while True:
+        left = []
+        for each in waiting:
+            if (tie := _directed(each, leading, tree.model)) is None:
+                left.append(each)
+                continue
+            ties.append(tie.number)
+            leading.add(tie.one)
+            if tie.two in locked:
+                locked[tie.one] = tie.ratio * locked[tie.two] + tie.offset
+                continue
+            above = coupled.get(names[tie.two], Coupling(names[tie.two], 1.0, 0.0))
+            ratio, offset = tie.ratio * above.ratio, tie.ratio * above.offset + tie.offset
+            coupled[names[tie.one]] = Coupling(above.leader, ratio, offset)
+        if len(left) == len(waiting):
+            return coupled, tuple(ties)
+        waiting = left
+
+
+def _ties(tree: Tree, joints: Collection[int]) -> list[_Tie]:
+    """Return the equalities of the first degree between two of some joints that are active at the start."""
+    model, found = tree.model, []
     for i in range(0 if equalities_off(model) else model.neq):
-        ends = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        one, two = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         kind, poly = int(model.eq_type[i]), model.eq_data[i, :5]
         if kind != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[i] or poly[1] == 0.0 or poly[2:].any():
             continue
-        if ends[0] in names and ends[1] in names:
-            zero = [tree.reference(end) for end in ends]
+        if one in joints and two in joints:
             ratio = float(poly[1])
-            waiting[i] = (*ends, ratio, zero[0] + float(poly[0]) - ratio * zero[1])
-    leading = driven | set(tree.locked)
-    found = True
-    while found:  # from the drives outwards
-        found = False
-        for i, (one, two, ratio, offset) in list(waiting.items()):
-            if (one in leading) == (two in leading):
-                continue
-            if _hangs_on(model, one, two) if one in leading else _hangs_on(model, two, one):
-                continue  # a leader comes before what follows it
-            follower, leader, factor, shift = one, two, ratio, offset
-            if one in leading:
-                follower, leader, factor, shift = two, one, 1.0 / ratio, -offset / ratio
-            del waiting[i]
-            leading.add(follower)
-            tree.ties.append(i)
-            found = True
-            if leader in tree.locked:
-                tree.locked[follower] = factor * tree.locked[leader] + shift
-                continue
-            above = tree.coupled.get(names[leader], Coupling(names[leader], 1.0, 0.0))
-            tree.coupled[names[follower]] = Coupling(
-                above.leader, factor * above.ratio, factor * above.offset + shift
+            found.append(
+                _Tie(i, one, two, ratio, tree.reference(one) + float(poly[0]) - ratio * tree.reference(two))
             )
+    return found
+
+
+def _directed(tie: _Tie, leading: Collection[int], model: mujoco.MjModel) -> _Tie | None:
+    """Return an equality for its joint that follows; None if both or none lead, or the follower carries the leader."""
+    if (tie.one in leading) == (tie.two in leading):
+        return None
+    tie = tie.turned() if tie.one in leading else tie
+    return None if _hangs_on(model, tie.two, tie.one) else tie  # a leader comes before what follows it
 
 
 def _hangs_on(model: mujoco.MjModel, joint: int, other: int) -> bool:

@@ -516,3 +516,21 @@ def test_commands_check_and_filter_a_clip(
     assert main(["motion", "check", feasible, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["feasible"] is True
     assert main(["motion", "filter", clip, "-o", clip]) == 2
+
+
+def test_numbers_of_a_clip_that_were_checked_cannot_be_written() -> None:
+    """Nor those of a motion, of which centre of mass and soles are made once; what is given stays its owner's."""
+    robot = load_robot("hrp4_class").robot()
+    clip, q = make_motion(robot, "arms"), np.tile(robot.half_sitting, (3, 1))
+    standing = np.ones((len(clip), 2), dtype=bool)
+    person = make_person()
+    motion = BodyMotion.of(robot, q, 100.0)
+    with_soles = replace(clip, standing=standing)
+    for values in (
+        *(with_soles.joints, with_soles.base, with_soles.standing, person.positions),
+        *(motion.q, motion.v, motion.com, motion.momentum, motion.corners),
+    ):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0
+    q[0, 0] = standing[0, 0] = 0.0
+    assert motion.q[0, 0] == robot.half_sitting[0] and with_soles.standing[0, 0]

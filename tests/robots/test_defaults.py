@@ -10,8 +10,8 @@ from urdf_biped import FEET, FOOT_BOX, biped
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots import RobotDescription
-from wbc.robots.derivation.complete import heading
 from wbc.robots.derivation.defaults import feet_hint
+from wbc.robots.derivation.legs import heading
 
 
 def link(name: str, mass: float, parent: str, xyz: str = "0 0 0", kind: str = "revolute") -> str:

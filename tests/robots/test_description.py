@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,18 @@ def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> Non
     assert RobotDescription.from_urdf(biped(), base="fixed").digest != bare.digest
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Tailed(RobotDescription):
+    """A description with a field more."""
+
+    tail: float = 0.0
+
+
+def test_a_further_field_is_in_the_hash() -> None:
+    values = {item.name: getattr(own(), item.name) for item in dataclasses.fields(RobotDescription)}
+    assert Tailed(**values).digest != Tailed(**values, tail=1.0).digest
+
+
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "one sole": ({"soles": 1}, "soles must be"),
     "bolted feet": ({"mechanism": "fixed"}, "a robot with feet is not bolted"),
@@ -83,6 +96,13 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown spring": ({"springs": {"knee": (1.0, 0.0)}}, "'knee'"),
     "unknown passive": ({"passive": ("knee",)}, "'knee'"),
     "unknown range": ({"torque_ranges": {"knee": (-1.0, 1.0)}}, "'knee'"),
+    "reversed range": ({"torque_ranges": {"l_knee": (10.0, 5.0)}}, "'l_knee' must have low < high"),
+    "empty range": ({"torque_ranges": {"l_knee": (5.0, 5.0)}}, "'l_knee' must have low < high"),
+    "range without end": ({"torque_ranges": {"l_knee": (-math.inf, 5.0)}}, r"torque_ranges\['l_knee'\]\[0\]"),
+    "pushing spring": ({"springs": {"l_knee": (-5.0, 0.0)}}, r"springs\['l_knee'\]\[0\] of RobotDescription"),
+    "spring at nowhere": ({"springs": {"l_knee": (5.0, math.nan)}}, r"springs\['l_knee'\]\[1\]"),
+    "foot of no sole": ({"foot_inertia": {"left": (1.0,) * 10}}, "no sole 'left'"),
+    "nine numbers": ({"foot_inertia": {"left_foot": (1.0,) * 9}}, r"foot_inertia\['left_foot'\]"),
     "too far": ({"half_sitting": "+"}, "half-sitting of joint 'l_knee'"),
 }
 

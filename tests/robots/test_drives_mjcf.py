@@ -60,7 +60,6 @@ RANGES = {  # actuators, attributes of the joint → least and greatest torque, 
         'actuatorfrcrange="-9 7"',
         (-6.0, 7.0),
     ),
-    "one that the joint refuses": ('<motor joint="a" ctrlrange="-6 -1"/>', 'actuatorfrcrange="0 5"', None),
     "joint alone": ('<motor joint="a" gear="2"/>', 'actuatorfrcrange="-4 7"', (-4.0, 7.0)),
     "none": ('<motor joint="a" gear="2"/>', "", None),
     "no gear": ('<motor joint="a" gear="0" ctrlrange="-1 1"/>', "", None),
@@ -150,13 +149,26 @@ def test_a_joint_that_nothing_drives_rests_where_its_spring_holds_it(joint: str,
     assert passive_joints(arm(tie, b=joint, drives=motor)[1]) == {}
     assert passive_joints(arm(b=joint)[1]) == {}, "with no drives at all every joint is taken as driven"
     assert passive_joints(arm(b=joint, drives='<motor joint="lift"/>')[1]) == {}
-    assert any("no actuators" in note for note in _notes(arm(b=joint)[1]))
-    assert not any("no actuators" in note for note in _notes(arm(drives=motor)[1]))
+    assert not read_drives(arm(b=joint)[1]).acting and read_drives(arm(drives=motor)[1]).acting
 
 
-def _notes(tree: Tree) -> list[str]:
-    read_drives(tree)
-    return tree.notes
+@pytest.mark.parametrize(
+    ("joint", "drives", "said"),
+    [
+        ('actuatorfrcrange="-5 5"', '<motor joint="a" forcerange="10 20"/>', "joint 'a'"),
+        ('actuatorfrcrange="-5 5"', '<motor joint="a" forcerange="5 20"/>', "joint 'a'"),
+        ('actuatorfrcrange="0 5"', '<motor joint="a" ctrlrange="-6 -1"/>', "joint 'a'"),
+        (
+            "",
+            '<motor name="m" joint="a" forcerange="-5 5" ctrlrange="10 20"/><motor joint="a"/>',
+            "actuator 'm'",
+        ),
+        ("", '<motor name="m" joint="a" gear="-1" forcerange="-5 5" ctrlrange="10 20"/>', "actuator 'm'"),
+    ],
+)
+def test_ranges_of_torques_that_exclude_each_other_are_refused(joint: str, drives: str, said: str) -> None:
+    with pytest.raises(ModelError, match=f"{said}: its ranges of torques, .*, have no range in common"):
+        read_drives(arm(a=joint, drives=drives)[1])
 
 
 ROPE = '<tendon><spatial name="rope"><site site="{}"/><site site="{}"/></spatial></tendon>'

@@ -16,7 +16,7 @@ from properties import by_default
 from wbc import TorqueControl, balance_controller
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
-from wbc.robots.report import UNMODELLED
+from wbc.robots.notes import UNMODELLED
 from wbc.sim import MujocoLoop, Plant
 
 END = "</worldbody>"

@@ -16,8 +16,7 @@ from wbc.core.frames import Sole
 from wbc.core.model import Closure
 from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation import posture
-from wbc.robots.derivation.complete import heading
-from wbc.robots.derivation.legs import knee_bend, knee_direction, what_is_wrong
+from wbc.robots.derivation.legs import heading, knee_bend, knee_direction, what_is_wrong
 from wbc.robots.write_urdf import write
 
 HIP = 'xyz="0 {} 0"/><axis xyz="0 0 1"/>'
@@ -230,6 +229,18 @@ def test_where_toes_say_nothing_a_robot_looks_to_where_its_knees_go(knee: str, z
         found = RobotDescription.from_urdf(turned, **FEET)
         assert any("new root link" in line for line in found.derived)
         assert dict(found.half_sitting) == pytest.approx(dict(description.half_sitting), abs=1e-6)
+
+
+def test_a_knee_without_stops_does_not_say_where_a_robot_looks() -> None:
+    description = RobotDescription.from_urdf(hips().replace(FOOT_BOX, CENTRED), **FEET)
+    model, soles = description.pinocchio_model(), description.soles
+    for name in ("l_knee", "r_knee"):
+        place = model.joints[model.getJointId(name)].idx_q
+        for ends in (model.lowerPositionLimit, model.upperPositionLimit):
+            ends[place] = math.copysign(math.inf, ends[place] - 1.0)
+    for sole in soles:
+        assert not knee_direction(model, sole.frame).any()
+    assert heading(model, soles, False) == 0.0
 
 
 def test_a_chain_that_does_not_close_is_refused_with_the_least_gap_that_its_joints_leave() -> None:

@@ -13,8 +13,8 @@ from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import _carriers
 from wbc.robots.derivation.servo import read_gains
 from wbc.robots.mesh_files import resolve
+from wbc.robots.notes import listed
 from wbc.robots.readers.compile_mjcf import MOST_LINKS
-from wbc.robots.report import listed
 
 
 @pytest.mark.parametrize(

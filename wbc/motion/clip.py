@@ -87,6 +87,8 @@ class MotionClip:
             )
         values = {"joint_names": names, "base": base, "joints": joints, "standing": standing}
         for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)  # what is checked does not change
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:

@@ -11,18 +11,29 @@ from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.kinematics import BodyMotion
 
-HEIGHT, SPEED = 0.03, 0.2
-"""Height of a sole's highest corner over the ground, m, and speed of its fastest corner, m/s, below which a contact
-begins."""
+HEIGHT = 0.03
+"""Height of a sole's highest corner over the ground below which a contact begins, m."""
 
-RELEASE_HEIGHT, RELEASE_SPEED = 0.03, 0.4
-"""Height of the lowest corner, m, and speed, m/s, above which it ends."""
+SPEED = 0.2
+"""Speed of a sole's fastest corner below which a contact begins, m/s."""
+
+RELEASE_HEIGHT = 0.03
+"""Height of a sole's lowest corner over the ground above which a contact ends, m."""
+
+RELEASE_SPEED = 0.4
+"""Speed of a sole's fastest corner above which a contact ends, m/s."""
 
 SETTLE = 0.015
 """Both ends of a contact in which the sole's height differs by more from its median are no part of it, m."""
 
-SHORTEST, GAP, FLIGHT = 0.1, 0.06, 0.08
-"""Shorter contacts are dropped, shorter gaps between contacts are filled; longest time without any contact, s."""
+SHORTEST = 0.1
+"""Contacts that are shorter are dropped, s."""
+
+GAP = 0.06
+"""Gaps between contacts that are shorter are filled, s."""
+
+FLIGHT = 0.08
+"""Longest time without any contact, s; a clip that has a longer one is refused."""
 
 
 def on_ground(robot: Robot, clip: MotionClip, double_support: float = 0.0) -> tuple[BodyMotion, Array]:

@@ -34,38 +34,78 @@ from wbc.motion.inverse_kinematics import inverse_kinematics, planted
 from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
-RATE, CUTOFF = 100.0, 6.0
-"""Frames per second of the result, Hz; low pass of all joints and of the base, zero phase, Hz."""
+# Numbers without a source are judged by the table of tracked motions in docs/measured_hands.md: the clips of that table
+# come through with them, which does not say that they are the best ones.
+
+RATE = 100.0
+"""Frames per second of the result, Hz."""
+
+CUTOFF = 6.0
+"""Cut-off of the low pass of all joints and of the base, zero phase, Hz; it is the usual one of gait (D. A. Winter,
+Biomechanics and Motor Control of Human Movement, 4th ed. 2009, ch. 3)."""
 
 JOINT_MARGIN = 0.05
 """Distance to the joint limits, rad."""
 
-DRAWING, STRAIGHTENING, HELD = 10, 5, 0.01
-"""Most passes that draw in an arm, and that turn the trunk up, until the joints can hold them; excess of the torques of
-arms that is left."""
+DRAWING = 10
+"""Most passes that draw in an arm until its joints can hold it."""
 
-GIVING, FADING, SINKING = 0.3, 0.1, (0.6, 0.15)
-"""Time about an excess in which arms, trunk or pace give way, and standard deviation with which they fade, s; both for
-a centre of mass that sinks where legs are too short."""
+STRAIGHTENING = 5
+"""Most passes that turn the trunk up until the waist can hold it."""
 
-HOLD, EASE = 0.5, 0.4
-"""Time at rest at both ends, and time in which the motion starts from rest and comes to rest, s."""
+HELD = 0.01
+"""Excess of the torques of arms that is left, over what is allowed."""
+
+GIVING = 0.3
+"""Time about an excess in which arms, trunk or pace give way, s."""
+
+FADING = 0.1
+"""Standard deviation with which they fade, s."""
+
+SINKING = 0.6
+"""Time about a frame with legs that are too short in which the centre of mass sinks, s."""
+
+SINKING_FADE = 0.15
+"""Standard deviation with which it does, s."""
+
+HOLD = 0.5
+"""Time at rest at both ends, s."""
+
+EASE = 0.4
+"""Time in which the motion starts from rest and comes to rest, s."""
 
 DOUBLE_SUPPORT = 0.15
 """Least time on both feet when one takes over, s: the foot that leaves stays longer."""
 
-SOLE_SHARE, LEAST_LOAD, SHIFT = 0.6, 0.15, 0.6
-"""Ratio of length and width of each sole, about its centre, on which the ZMP stays: the rest is for feedback. Least
-share of the load of each of two soles, for a ZMP between their centres, and the time to a step, s, in which it goes."""
+SOLE_SHARE = 0.6
+"""Ratio of length and width of each sole, about its centre, on which the ZMP stays: the rest is for feedback."""
+
+LEAST_LOAD = 0.15
+"""Least share of the load of each of two soles that stand, for a ZMP between their centres."""
+
+SHIFT = 0.6
+"""Time to a step in which this least share goes, s."""
 
 SMOOTHING = 0.03
 """Standard deviation of the last smoothing of all joints, s."""
 
-PASSES, STRETCHES, STRETCH = 8, 3, 1.2
-"""Passes of inverse kinematics and ZMP; passes, and factor, of time that is stretched around infeasible frames."""
+PASSES = 8
+"""Most passes of inverse kinematics and ZMP."""
 
-OUTSIDE, LOW = 1e-4, 1e-3
-"""Distance of the ZMP from its support, and of the centre of mass below its height, at which the passes end, m."""
+RETIMINGS = 3
+"""Most passes in which time is stretched around infeasible frames."""
+
+STRETCH = 1.2
+"""Factor by which it is stretched in each."""
+
+OUTSIDE = 1e-4
+"""Distance of the ZMP from its support at which the passes end, m."""
+
+LOW = 1e-3
+"""Distance of the centre of mass below its height at which they do, m."""
+
+LEAST_TILT = 1e-3
+"""Share, and sine, of the tilt of a trunk below which it is not turned up."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,12 +161,12 @@ def make_feasible(
     smooth = _drawn_in(robot, _smooth(robot, resampled), share)
     speed = abs(np.gradient(smooth.joints, 1.0 / RATE, axis=0))
     pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, GIVING, 0.5 * FADING)
-    for attempt in range(STRETCHES + 1):
+    for attempt in range(RETIMINGS + 1):
         eased, source = _retimed(smooth, pace)
         motion, standing, shortened = _balanced(robot, eased, share)
-        after = measure(robot, motion, standing, share, friction)
+        after = measure(robot, motion, standing, share=share, friction=friction)
         slow = after.infeasible_frames
-        if attempt == STRETCHES or not slow.any():
+        if attempt == RETIMINGS or not slow.any():
             break
         pace = _slowed(pace, source[slow])
     # The resampled clip lasts a whole number of frames, the given one a little more or less.
@@ -209,19 +249,41 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
     soles, moves, shortened = footsteps(robot, given.soles, given.com[:, 2], RATE, standing)
-    q = given.q
-    q[:, :7] = [
-        pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, q[:, :7], strict=True)
+    over = given.q.copy()  # the base over the feet
+    over[:, :7] = [
+        pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, over[:, :7], strict=True)
     ]
+    q = _held(robot, over, share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
-    com = BodyMotion.of(robot, q, RATE).com
+    ways = BodyMotion.of(robot, over, RATE).com[:, :2], BodyMotion.of(robot, q, RATE).com[:, 2:]
+    com = gaussian_filter1d(np.hstack(ways), FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
+    result = _zmp_inside(robot, q, com, soles, standing)
+    # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
+    # takes soles off their places by half a millimetre, too: the legs bring them back.
+    result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
+    result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
+    result = planted(robot, result, soles, standing, round(2.0 * BLEND * RATE))
+    return BodyMotion.of(robot, result, RATE), standing, shortened
+
+
+def _held(robot: Robot, q: Array, share: float) -> Array:
+    """Return configurations, shape (T, nq), whose trunk and arms a share of the torque limits can hold."""
+    q = q.copy()
     q[:, 3:7] = _straightened(robot, q, share)
     # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
     q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share).joints
-    com[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
-    com = gaussian_filter1d(com, FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
-    supports = supports_on(robot, soles, standing)
+    return q
+
+
+def _zmp_inside(
+    robot: Robot, q: Array, com: Array, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array
+) -> Array:
+    """Return configurations near given ones, shape (T, nq), with the ZMP inside the support.
+
+    The centre of mass begins on a way, shape (T, 3), m; the soles and where they stand, shape (T, 2), stay.
+    """
+    supports, com = supports_on(robot, soles, standing), com.copy()
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
     result = q
     for _ in range(PASSES):
@@ -234,14 +296,8 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
         if abs(needed).max() < OUTSIDE and low.max() < LOW:
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
-        com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, *SINKING)
-    result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
-    # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
-    # takes soles off their places by half a millimetre, too: the legs bring them back.
-    result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
-    result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
-    result = planted(robot, result, soles, standing, round(2.0 * BLEND * RATE))
-    return BodyMotion.of(robot, result, RATE), standing, shortened
+        com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, SINKING, SINKING_FADE)
+    return inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
 
 
 def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
@@ -272,11 +328,11 @@ def _straightened(robot: Robot, q: Array, share: float) -> Array:
         if (excess <= 1.0).all():
             break
         turns = 1.0 / _envelope(excess, 1.0, GIVING, FADING) - 1.0
-        for i in np.flatnonzero(turns < -1e-3):
+        for i in np.flatnonzero(turns < -LEAST_TILT):
             pin.framesForwardKinematics(robot.model, data, q[i])
             x, y, z = data.oMf[torso].rotation @ up
             sine = float(np.hypot(x, y))
-            if sine > 1e-3:
+            if sine > LEAST_TILT:
                 back = turns[i] * np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
                 q[i, 3:7] = (Rotation.from_rotvec(back) * Rotation.from_quat(q[i, 3:7])).as_quat()
     return MotionClip.of(robot, q, RATE).base[:, 3:]

@@ -1,7 +1,7 @@
 """Files of motions: what the field writes, all to `MotionClip` or `SkeletonClip`; docs/motion.md lists the formats.
 
 No pickle is ever opened. Rates and joint orders that a file does not hold are arguments: neither is guessed from a
-shape.
+shape. A shape alone tells `joint_pos` of MuJoCo, which begins with the seven numbers of the base.
 """
 
 from __future__ import annotations
@@ -196,13 +196,18 @@ def _need(data: Arrays, what: str, *names: str) -> list[AnyArray]:
     """Return arrays; an `InputError` names what a file has, and what it must have, where one is missing."""
     arrays = [array for name in names if (array := data.get(name)) is not None]
     if missing := [name for name in names if data.get(name) is None]:
-        found = ", ".join(map(shown, sorted(data)[:12])) or "nothing"
-        model = "; parameters of a body model (SMPL) are turned into positions of joints outside"
         raise InputError(
-            f"it has no {', '.join(missing)}, but {found}; {what} needs {', '.join(names)}"
-            f"{model if BODY_MODEL & {name.removeprefix('smpl_') for name in data} else ''}"
+            f"it has no {', '.join(missing)}, but {_found(data)}; {what} needs {', '.join(names)}"
         )
     return arrays
+
+
+def _found(data: Arrays) -> str:
+    """Return the names of the first arrays of a file for messages, with advice on those of a body model."""
+    found = ", ".join(map(shown, sorted(data)[:12])) or "nothing"
+    if BODY_MODEL & {name.removeprefix("smpl_") for name in data}:
+        found += " (parameters of a body model (SMPL) are turned into positions of joints outside)"
+    return found
 
 
 def _rate(data: Arrays) -> float | None:
@@ -233,7 +238,7 @@ def _columns(path: Path) -> dict[str, AnyArray | None]:
     twice = next((name for name in own if header.count(name) > 1), None)
     if named and twice is not None:
         raise InputError(f"a column must occur once, got '{twice}' {header.count(twice)} times")
-    values = _cells(lines, named)
+    values = _cells(lines, 1 if named else 0)
     if named and values.shape[1] != len(header):
         raise InputError(f"its header names {len(header)} columns, its rows have {values.shape[1]}")
     if not named:
@@ -285,8 +290,10 @@ def _placed(data: Arrays) -> tuple[AnyArray, AnyArray]:
         place, turn, joints = _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
         return np.hstack([place, turn]), joints
     if "joint_pos" not in data:
-        arrays = "base and joints, or joint_pos and body_pos_w, or dof_pos and root_pos"
-        _need(data, "a motion of a robot", arrays)
+        raise InputError(
+            f"it has {_found(data)}; a motion of a robot needs base and joints, or joint_pos and body_pos_w, or "
+            "dof_pos and root_pos"
+        )
     (joints,) = _need(data, "a motion", "joint_pos")
     names, joints = data.get("joint_names"), np.atleast_2d(joints)
     if names is not None and joints.shape[1] == names.size + 7:  # of MuJoCo, base first

@@ -19,9 +19,11 @@ from wbc.walking.plans.reach import STANDING, Leg, Reach
 CLEARANCE = 0.01
 """Least height of a foot's lowest corner in the air, m."""
 
-SETTLE, BLEND = 0.06, 0.1
-"""Time in which a foot rises to the clearance above its place, and comes down from it, and time in which it goes over
-from there to its path, s."""
+SETTLE = 0.06
+"""Time in which a foot rises to the clearance above its place, and comes down from it, s."""
+
+BLEND = 0.1
+"""Time in which a foot goes over from there to its path, s."""
 
 
 @dataclass(slots=True, eq=False)
@@ -145,6 +147,9 @@ def _path(
 
 
 def smoothstep(share: ValueT) -> ValueT:
-    """Return the share of a way from rest to rest at a share of the time, which counts from 0 to 1, by a cubic."""
+    """Return the share of a way from rest to rest at a share of the time, which counts from 0 to 1, by a cubic.
+
+    Its greatest speed is 1.5 times the mean one, that of `minimum_jerk` 1.9 times: clips are near the limits of speed.
+    """
     x = np.clip(share, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)  # type: ignore[no-any-return]

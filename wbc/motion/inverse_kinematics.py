@@ -15,15 +15,34 @@ from wbc.core.trajectories import minimum_jerk
 from wbc.motion.kinematics import Soles, moved, offset_between
 from wbc.tasks import CoMTask, OrientationTask, PoseTask, PostureTask
 
-STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
-"""Weights per squared error: pose of a sole that stands, and of one in the air (m², rad²), centre of mass (m²),
-rotation of base and torso, joints outside the legs, and joints of the legs (rad²), on which the feet decide."""
+# Weights per squared error: feet that stand come first, then the centre of mass, feet in the air, trunk and arms.
+
+STANCE = 1e4
+"""Weight of the pose of a sole that stands, 1/m² and 1/rad²."""
+
+SWING = 1e2
+"""Weight of the pose of a sole in the air, 1/m² and 1/rad²."""
+
+COM = 1e3
+"""Weight of the centre of mass, 1/m²."""
+
+ORIENTATION = 1.0
+"""Weight of the rotations of base and torso, 1/rad²."""
+
+JOINTS = 0.5
+"""Weight of the joints outside the legs, 1/rad²."""
+
+LEGS = 1e-3
+"""Weight of the joints of the legs, on which the feet decide, 1/rad²."""
 
 HELD = 1e3
-"""Weight per squared error of the base and of all joints that are held while legs alone move, m² and rad²."""
+"""Weight of the base and of all joints that are held while legs alone move, 1/m² and 1/rad²."""
 
-ITERATIONS, SMALL = 12, 1e-6
-"""Most steps of a frame, and the error at which it ends, rad and m."""
+ITERATIONS = 12
+"""Most steps of a frame."""
+
+SMALL = 1e-6
+"""Error at which a frame ends, rad and m."""
 
 
 def searching(robot: Robot) -> InverseKinematics:

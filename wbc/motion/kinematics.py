@@ -30,7 +30,7 @@ Soles = tuple[pin.SE3, pin.SE3]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyMotion:
-    """Quantities of every frame of a motion, in the world.
+    """Quantities of every frame of a motion, in the world; none of the arrays can be written.
 
     Attributes:
         rate: Frames per second, Hz.
@@ -69,7 +69,10 @@ class BodyMotion:
             com[i] = data.com[0]
             left, right = (pin.updateFramePlacement(model, data, frame).copy() for frame in frames)
             soles.append((left, right))
-        return cls(rate, q, v, soles, corners_of(robot, soles), com, momentum)
+        corners, q = corners_of(robot, soles), q.copy()
+        for values in (q, v, corners, com, momentum):
+            values.setflags(write=False)
+        return cls(rate, q, v, soles, corners, com, momentum)
 
     @property
     def centres(self) -> Array:

@@ -18,8 +18,11 @@ from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.kinematics import BodyMotion
 
-SHARE_SLACK, ZMP_SLACK = 1.05, 0.005
-"""Excess that still counts as feasible, as motions are sampled: of speeds, torques and friction, and of the ZMP, m."""
+SHARE_SLACK = 1.05
+"""Ratio of speeds, torques and friction to what is allowed that still counts as feasible, as motions are sampled."""
+
+ZMP_SLACK = 0.005
+"""Distance of the ZMP outside its support that still counts as feasible, m."""
 
 
 def supports_of(corners: Array, standing: Array) -> list[Array]:
@@ -88,7 +91,9 @@ class MotionMeasures:
         return not (self.joint_excess or self.infeasible_frames.any())
 
 
-def measure(robot: Robot, motion: BodyMotion, stands: Array, share: float, friction: float) -> MotionMeasures:
+def measure(
+    robot: Robot, motion: BodyMotion, stands: Array, *, share: float, friction: float
+) -> MotionMeasures:
     """Measure a motion on a ground at z = 0, of which one sole stands at least in each frame, shape (T, 2)."""
     joints = motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
@@ -138,4 +143,4 @@ def check_motion(
     Raises:
         InputError: The robot leaves the ground; the message has the time.
     """
-    return measure(robot, *on_ground(robot, clip), share, friction)
+    return measure(robot, *on_ground(robot, clip), share=share, friction=friction)

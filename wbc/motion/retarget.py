@@ -49,26 +49,53 @@ STRETCH = 0.96
 BENT = 0.5
 """Share of the trunk's tilt that the pelvis has; the waist has the rest, where the robot has such joints."""
 
-PELVIS, SWING, TILT, TRUNK, ARM, JOINTS, LEGS = 1e2, 1e3, 1.0, 3.0, 30.0, 0.01, 1e-4
-"""Weights per squared error: place of the pelvis (m²), pose of a foot in the air (m², rad²), rotation of the pelvis and
-of the trunk (rad²), places of elbow and hand (m²), joints, and joints of the legs (rad²)."""
+# Weights per squared error: feet come first, then pelvis, arms and trunk; joints are for what the positions of a person
+# leave open.
+
+SWING = 1e3
+"""Weight of the pose of a foot in the air, 1/m² and 1/rad²."""
+
+PELVIS = 1e2
+"""Weight of the place of the pelvis, 1/m²."""
+
+ARM = 30.0
+"""Weight of the places of elbow and hand, 1/m²."""
+
+TRUNK = 3.0
+"""Weight of the rotation of the trunk, 1/rad²."""
+
+TILT = 1.0
+"""Weight of the rotation of the pelvis, 1/rad²."""
+
+JOINTS = 0.01
+"""Weight of the joints outside the legs, 1/rad²."""
+
+LEGS = 1e-4
+"""Weight of the joints of the legs, 1/rad²."""
 
 MARGIN = 0.05
 """Distance to the joint limits, rad."""
 
-ITERATIONS, FIRST = 30, 200
-"""Most steps of a frame, and of the first one."""
+ITERATIONS = 30
+"""Most steps of a frame."""
 
-ON_END, TIPPED = 0.3, 0.8
-"""Share of a person's foot that is level, up to which its toe says nothing of its heading (from twice as much on, all);
-greatest sine of the pitch of a foot."""
+FIRST = 200
+"""Most steps of the first frame."""
+
+ON_END = 0.3
+"""Level share of a person's foot up to which its toe says nothing of its heading; from twice as much on it says all."""
+
+TIPPED = 0.8
+"""Greatest sine of the pitch of a foot."""
 
 JUMP = 12.0
 """Greatest speed of the hips, in lengths of the legs per second: beyond it, frames of two motions follow each other."""
 
-SAMPLES, ROUND = 200, 0.1
-"""Postures of a limb from which the centre of its shoulder or hip is found; greatest distance of the elbow from the
-sphere about the shoulder, as a share of the upper arm."""
+SAMPLES = 200
+"""Postures of a limb from which the centre of its shoulder or hip is found."""
+
+ROUND = 0.1
+"""Greatest distance of the elbow from the sphere about the shoulder, as a share of the upper arm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

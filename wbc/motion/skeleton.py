@@ -76,6 +76,7 @@ class SkeletonClip:
         flat = positions.reshape(len(positions), len(columns))
         table = table_of("positions", flat, len(positions), columns, self.rate)
         object.__setattr__(self, "joint_names", names)
+        table.setflags(write=False)  # what is checked does not change
         object.__setattr__(self, "positions", table.reshape(positions.shape))
 
     def __len__(self) -> int:

@@ -61,9 +61,11 @@ from wbc.walking.table import TaskGains
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
 
-FADE, EARLY = 0.2, 0.1
-"""Time in which a foot that is lifted goes over to the path of the clip, s, and time before its landing from which on a
-foot that bears a load has met the ground, s."""
+FADE = 0.2
+"""Time in which a foot that is lifted goes over to the path of the clip, s."""
+
+EARLY = 0.1
+"""Time before its landing from which on a foot that bears a load has met the ground, s."""
 
 
 def tracking_settings() -> WalkingControlSettings:

@@ -168,7 +168,7 @@ class PolicyControl(SteeredControl):
         self.posture = self._arms.posture if isinstance(self._arms, MovedArms) else None
         self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
-        masked = [] if seen or self._arms is None else self._arms.index
+        masked = np.zeros(0) if seen or self._arms is None else self._arms.index
         self._masked = np.isin(joints.columns, masked).nonzero()[0]
 
         self._clock = GaitClock(description.phase, description.period)

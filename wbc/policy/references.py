@@ -37,7 +37,7 @@ class GaitClock:
     def __init__(self, period: float | None, dt: float) -> None:
         """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
         self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
-        self.begin()
+        self._stood, self.phase = True, np.array(STANDING)
 
     def begin(self) -> Array:
         """Begin anew with a robot that stands; return the phases."""
