@@ -48,7 +48,18 @@ HASHED = (
 """Fields that models are made from beside the mechanism, in the order of their hash; further ones come behind."""
 
 UNHASHED = frozenset(
-    "name mechanism package_dirs height source licence derived doubtful locked sensors".split()
+    [
+        "name",
+        "mechanism",
+        "package_dirs",
+        "height",
+        "source",
+        "licence",
+        "derived",
+        "doubtful",
+        "locked",
+        "sensors",
+    ]
 )
 """Fields that no model depends on, and the mechanism, which is hashed as a URDF."""
 
@@ -145,7 +156,9 @@ class RobotDescription:
             choose("sole", name, frames.SOLE_NAMES)
         for name, (low, high) in self.torque_ranges.items():
             if not low < high:
-                raise InputError(f"torque range of joint '{name}' must have low < high, got ({low:g}, {high:g})")
+                raise InputError(
+                    f"torque range of joint '{name}' must have low < high, got ({low:g}, {high:g})"
+                )
         for name, low, high in zip(names, *map(np.ndarray.tolist, self.position_limits), strict=True):
             finite_scalar(f"half-sitting of joint '{name}'", self.half_sitting[name], low=low, high=high)
         q = self._half_sitting_configuration()

@@ -160,7 +160,10 @@ def _passive(robot: RobotDescription) -> list[Doubt]:
     return [
         (sentence.format(max(values.values())), [f"{len(values)} joints"])
         for sentence, values in (
-            ("torques make up for damping of up to {:g} Nms/rad, which a real machine may not have", robot.damping),
+            (
+                "torques make up for damping of up to {:g} Nms/rad, which a real machine may not have",
+                robot.damping,
+            ),
             ("dry friction up to {:g} Nm, which the controller neglects", robot.frictionloss),
         )
         if values

@@ -234,7 +234,9 @@ def sole_rectangle(
             continue
         found = footprint(np.concatenate(clouds))
         of_sole = plausible(found.length, found.width, float(np.linalg.norm(here.translation)))
-        rank = int(found.width > found.length) if of_sole else 2  # 1 for one that is wider than long, 2 for none
+        rank = (
+            int(found.width > found.length) if of_sole else 2
+        )  # 1 for one that is wider than long, 2 for none
         if best is None or rank < best[0]:
             best = rank, found
         if rank == 0:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.robot import GRAVITY
+from wbc.robots.notes import UNMODELLED, listed
 from wbc.robots.readers.actuators_mjcf import (
     actuators,
     damping,
@@ -17,7 +18,6 @@ from wbc.robots.readers.actuators_mjcf import (
     stiffness,
     switched_off,
 )
-from wbc.robots.notes import UNMODELLED, listed
 
 OFF = mujoco.mjtDisableBit
 """Option flags that switch something off."""

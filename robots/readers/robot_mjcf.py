@@ -75,7 +75,9 @@ def read(
 
 def _held(joints: Sequence[str]) -> list[str]:
     """Return a doubt about joints without an actuator."""
-    said = f"{UNMODELLED}{len(joints)} joints without an actuator, passive and taken as fixed: {listed(joints)}"
+    said = (
+        f"{UNMODELLED}{len(joints)} joints without an actuator, passive and taken as fixed: {listed(joints)}"
+    )
     return [said] if joints else []
 
 
@@ -99,7 +101,9 @@ def _tree_of(
     passive = drives_mjcf.passive_joints(tree)
     moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
     passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
-    if passive:  # which joints have no drive is known of a tree alone: it is found once more with these locked
+    if (
+        passive
+    ):  # which joints have no drive is known of a tree alone: it is found once more with these locked
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
     chains = chains_mjcf.find_chains(tree)
     idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))

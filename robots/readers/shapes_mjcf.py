@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Geometry, along, placement_of
-from wbc.robots.readers.tree_mjcf import Tree
 from wbc.robots.notes import listed
+from wbc.robots.readers.tree_mjcf import Tree
 
 DRAWN = 3
 """Groups of geoms below this one are drawn; MuJoCo's viewers hide the others."""

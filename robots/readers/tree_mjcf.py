@@ -14,8 +14,8 @@ from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
-from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 from wbc.robots.notes import listed
+from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
+from wbc.robots.notes import UNMODELLED, listed
 from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
 from wbc.robots.readers.forces_mjcf import unmodelled
-from wbc.robots.notes import UNMODELLED, listed
 from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
