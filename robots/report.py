@@ -225,7 +225,7 @@ def _legs(robot: RobotDescription, model: Robot) -> list[str]:
         found.append(f"the legs differ in mass: {masses[0]:.2f} and {masses[1]:.2f} kg")
     if (ankle := robot.servos.soft_ankle) is not None:
         found.append(
-            f"given servo gains are soft: kp of '{ankle}' is {robot.gains[ankle][0]:.0f} Nm/rad; position control needs "
-            f"{ANKLE_SHARE:g} m g h, {ANKLE_SHARE * robot.servos.tipping:.0f} Nm/rad"
+            f"given servo gains are soft: kp of '{ankle}' is {robot.gains[ankle][0]:.0f} Nm/rad; position control "
+            f"needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * robot.servos.tipping:.0f} Nm/rad"
         )
     return found

@@ -208,7 +208,7 @@ def _torso(given: str | None, model: pin.Model, soles: Soles, notes: Notes) -> s
 
 
 def _add_soles(model: pin.Model, find: SoleFinder, turn: float, notes: list[str]) -> Soles:
-    """Find the soles, give each a name of its own and add their frames to the model; `notes` gets those of the finder."""
+    """Find the soles, give each a name of its own and add their frames to the model; `notes` gets the finder's."""
     left, right = find(model, turn, notes)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))

@@ -158,9 +158,7 @@ def heading(model: pin.Model, soles: tuple[Sole, ...], feet_found: bool) -> floa
     pointing = float(toes @ ahead)
     if turns and abs(pointing) < AHEAD:
         pointing = float(sum(knee_direction(model, sole.frame) for sole in soles) @ ahead)
-    if (
-        feet_found and turns == 0 and pointing < -AHEAD
-    ):  # the sides say nothing: the left foot is that with the larger y
+    if feet_found and turns == 0 and pointing < -AHEAD:  # sides say nothing: left is the larger y
         return math.pi
     if turns == 0 or pointing < AHEAD:
         return 0.0

@@ -140,7 +140,8 @@ def check_standing(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
     step = abs(float(places[0].translation[2] - places[1].translation[2]))
     if step > LEVEL_STEP:
         raise InputError(
-            f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most {1e3 * LEVEL_STEP:g} mm is allowed"
+            f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most {1e3 * LEVEL_STEP:g} mm is "
+            "allowed"
         )
     corners = np.concatenate([sole.corners(place) for sole, place in zip(soles, places, strict=True)])[:, :2]
     low, high = corners.min(axis=0), corners.max(axis=0)
