@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,9 +16,6 @@ from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.legs import FULL_LEG
 from wbc.robots.notes import listed
 from wbc.robots.tidying import TAKEN_RANGE
-
-if TYPE_CHECKING:
-    from wbc.robots.description import RobotDescription
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -43,8 +40,8 @@ HEADINGS = {
 """Columns of the joints in a report: key of the facts → heading."""
 
 
-def facts(robot: RobotDescription) -> dict[str, Any]:
-    """Return mass, size, soles, joints and sources of a description, ready for JSON."""
+def facts(robot: Any) -> dict[str, Any]:
+    """Return mass, size, soles, joints and sources of a `RobotDescription`, which imports this, ready for JSON."""
     model = robot.robot()
     return {
         "name": robot.name,
@@ -74,7 +71,7 @@ def facts(robot: RobotDescription) -> dict[str, Any]:
     }
 
 
-def _joints(robot: RobotDescription, model: Robot) -> dict[str, dict[str, Any]]:
+def _joints(robot: Any, model: Robot) -> dict[str, dict[str, Any]]:
     """Return joint → its unit, limits, posture, rotor, servo gains and passive forces."""
     limits = model.velocity_limit, model.torque_limit
     columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
@@ -124,7 +121,7 @@ def report(facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def doubts(robot: RobotDescription) -> tuple[str, ...]:
+def doubts(robot: Any) -> tuple[str, ...]:
     """Return the doubtful values of a description, one line each."""
     model = robot.robot()
     if not robot.soles:
@@ -137,7 +134,7 @@ def doubts(robot: RobotDescription) -> tuple[str, ...]:
     return (*first, *robot.doubtful, *(f"{what}: {listed(names)}" for what, names in found if names))
 
 
-def _torques(robot: RobotDescription, model: Robot) -> list[Doubt]:
+def _torques(robot: Any, model: Robot) -> list[Doubt]:
     """Return the doubts about torque limits, servos and rotors."""
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
@@ -155,7 +152,7 @@ def _torques(robot: RobotDescription, model: Robot) -> list[Doubt]:
     ]
 
 
-def _passive(robot: RobotDescription) -> list[Doubt]:
+def _passive(robot: Any) -> list[Doubt]:
     """Return the doubts about damping and friction of the joints."""
     return [
         (sentence.format(max(values.values())), [f"{len(values)} joints"])
@@ -170,7 +167,7 @@ def _passive(robot: RobotDescription) -> list[Doubt]:
     ]
 
 
-def _ranges(robot: RobotDescription) -> list[Doubt]:
+def _ranges(robot: Any) -> list[Doubt]:
     """Return the doubts about the limits of positions and speeds."""
     (lower, upper), fast = robot.position_limits, robot.velocity_limit > FASTEST
     taken = np.maximum(abs(lower + TAKEN_RANGE), abs(upper - TAKEN_RANGE)) < 1e-6
@@ -207,7 +204,7 @@ def standing_torques(model: Robot) -> dict[str, float]:
     return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _legs(robot: RobotDescription, model: Robot) -> list[str]:
+def _legs(robot: Any, model: Robot) -> list[str]:
     """Return the doubts about legs and feet, one line each."""
     left, right = robot.soles
     found = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TypeVar, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -22,10 +22,7 @@ from wbc.robots.mechanism import Mechanism, unlimited
 from wbc.robots.notes import Notes
 from wbc.robots.options import DescriptionOptions
 
-if TYPE_CHECKING:
-    from wbc.robots.description import RobotDescription
-
-Description = TypeVar("Description", bound="RobotDescription")
+Description = TypeVar("Description")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,14 +70,14 @@ class FileRobot:
 
 
 def complete(
-    kind: type[Description],
+    kind: Callable[..., Description],
     read: FileRobot,
     *,
     name: str | None,
     provenance: str | None,
     **options: Unpack[DescriptionOptions],
 ) -> Description:
-    """Return the description, of a kind, of a robot that was read; see `RobotDescription.from_urdf`."""
+    """Return the description, made by its class, of a robot that was read; see `RobotDescription.from_urdf`."""
     if read.named and read.find_soles is None:
         raise InputError(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles, as feet=False is; "
