@@ -20,7 +20,7 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.limits.base import Limit
-from wbc.core.limits.obstacles import _points_inside
+from wbc.core.limits.columns import _points_inside
 from wbc.core.qp.move import DirectionCoordinates
 from wbc.core.qp.released import RESPONSE
 from wbc.core.robot import GRAVITY

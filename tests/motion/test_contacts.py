@@ -258,7 +258,7 @@ def test_measures_of_a_robot_that_is_moved_by_rule(robot: Robot) -> None:
     def measured(
         motion: BodyMotion, standing: np.ndarray = both, share: float = 1.0, friction: float = 0.7
     ) -> Any:
-        return measure(robot, motion, standing, share, friction)
+        return measure(robot, motion, standing, share=share, friction=friction)
 
     rest = measured(still)
     assert rest.feasible and not rest.infeasible_frames.any() and rest.slide_speed == rest.zmp_outside == 0.0

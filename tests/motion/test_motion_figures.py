@@ -180,7 +180,7 @@ def test_a_person_is_upright_whose_way_from_ankles_to_shoulders_is_steeper_than_
     given = make_person(noise=0.0).part(0.0, 0.1)
     for away in (np.zeros(3), np.array([500.0, -70.0, 33.0])):
         for tilt, good in ((0.0, True), (58.0, True), (62.0, False), (90.0, False), (180.0, False)):
-            turned = Rotation.from_euler("x", tilt, degrees=True).apply(given.positions.reshape(-1, 3))
+            turned = Rotation.from_euler("x", tilt, degrees=True).apply(given.positions.reshape(-1, 3).copy())
             clip = replace(given, positions=turned.reshape(given.positions.shape) + away)
             if good:
                 assert len(clip.limbs()) > 10
@@ -292,9 +292,9 @@ def test_a_frame_needs_too_much_friction_from_a_twentieth_beyond_on(robot: Robot
     motion = replace(still, com=above + np.outer(0.5 * 0.3 * (t - 0.4) ** 2, (1.0, 0.0, 0.0)))
     needed = 0.3 / GRAVITY
     for friction, good in ((1.03 * needed / 1.05, True), (0.97 * needed / 1.05, False)):
-        found = measure(robot, motion, left, 1.0, friction)
+        found = measure(robot, motion, left, share=1.0, friction=friction)
         assert found.infeasible_frames[30:50].any() != good
-    assert measure(robot, motion, left, 1.0, 9.0).friction >= 0.98 * needed
+    assert measure(robot, motion, left, share=1.0, friction=9.0).friction >= 0.98 * needed
 
 
 @pytest.mark.parametrize(("rate", "found"), [(60.0, 60.0), (60.1, 30.05), (200.0, 50.0)])
