@@ -129,11 +129,37 @@ def test_a_command_of_a_law_that_has_a_wrong_shape_is_not_held() -> None:
     na, m = plant.robot.na, plant.measure()
     state = own.drives.estimate(m)
     good = own.drives.relay(state, lambda _: wbc.Command(np.full(na, 1.0)))
-    for position, kp in ((np.zeros(2), None), (np.zeros(na), np.zeros(2))):
-        wrong = wbc.Command(np.full(na, 9.0), position, np.zeros(na), kp=kp, kd=kp)
+    for torque, position, kp in (
+        (np.full(1, 9.0), None, None),
+        (np.full(na, 9.0), np.zeros(2), None),
+        (np.full(na, 9.0), np.zeros(na), np.zeros(2)),
+    ):
+        wrong = wbc.Command(torque, position, None if position is None else np.zeros(na), kp=kp, kd=kp)
         held = own.drives.relay(state, lambda _, wrong=wrong: wrong)
         assert own.drives.failing and held.joint_position is None and held.kp is None
         np.testing.assert_allclose(held.joint_torque, good.joint_torque, atol=1e-6)
+
+
+@pytest.mark.parametrize("gains", [True, False])
+def test_torques_of_a_law_are_within_the_limits_of_the_robot(gains: bool) -> None:
+    """Of the law itself and of the servos that it asks for, now and while its command is held."""
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    kp, limit = np.full(HRP4.robot().na, 1e3), own.drives.controller.robot.torque_limit
+    far = wbc.Command(1e5 + own.none, own.rest + 50.0, own.none, kp=kp, kd=own.none)
+    state, own_state = own.drives.estimate(m), (m.joint_position, m.joint_velocity)
+    command = far if gains else wbc.Command(1e5 + own.none)
+    for law in (lambda _: command, lambda _: None):
+        sent = own.drives.relay(state, law)
+        applied = sent.drive_torque(*own_state, (own.none, own.none))
+        assert (np.abs(applied) <= limit * (1.0 + 1e-9)).all()
+        assert (np.abs(sent.joint_torque) <= limit).all()
+
+
+def test_a_law_with_a_negative_gain_fails_the_tick() -> None:
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    wrong = wbc.Command(own.none, own.rest, own.none, kp=own.none - 5.0, kd=own.none)
+    sent = own.drives.relay(own.drives.estimate(m), lambda _: wrong)
+    assert "kp of joint" in own.drives.reason and sent.kp is None
 
 
 def test_joints_of_a_torque_alone_are_damped_while_the_command_of_a_law_is_held() -> None:

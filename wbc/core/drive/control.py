@@ -410,9 +410,10 @@ class DriveControl(Control):
     def relay(self, state: State, law: Callable[[State], Command]) -> Command:
         """End a tick with the command of another law than the QP's, such as that of a policy.
 
-        Torques and gains of joints that somebody else moves are taken out. The joints of a robot that has fallen, or
-        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick. A tick that has
-        failed holds the last command of the law, with a velocity reference of zero.
+        The command passes `CommandGate.admit`. Torques and gains of joints that somebody else moves are taken out. The
+        joints of a robot that has fallen, or whose ticks have failed for too long, are damped. A law that raises an
+        exception fails the tick, and so does a command that the gate refuses. A tick that has failed holds the last
+        command of the law, with a velocity reference of zero.
 
         Args:
             state: State of this tick.
@@ -422,10 +423,11 @@ class DriveControl(Control):
             return self._finish(self._damp(state))
         if state.ok:
             try:
-                self._held.keep(command := law(state))
+                command = self.gate.admit(asked := law(state), self.joints(state))
             except Exception as error:  # of a law of the user's own
                 state = self.refuse(state, error)
             else:
+                self._held.keep(asked)
                 self.record.good()
                 return self._finish(command)
         if self._held.empty:

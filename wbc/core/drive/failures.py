@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-import math
 from typing import Annotated
 
 import numpy as np
 
-from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.drive.gate import CommandGate
@@ -98,18 +96,12 @@ class HeldCommand:
         self._held = 0
 
     def keep(self, command: Command) -> None:
-        """Hold a command from now on, whose arrays belong to who gets it.
-
-        One of a wrong shape, or with a value that is not finite, changes nothing and is an error.
-        """
+        """Hold a command from now on that the gate has admitted; its arrays belong to who gets it."""
         parts = [command.joint_torque]
         if command.joint_position is not None:
             parts.append(command.joint_position)
             if command.kp is not None and command.kd is not None:
                 parts += [command.kp, command.kd]
-        for part in (*parts, command.joint_velocity):
-            if part is not None and not math.isfinite(np.dot(part, part)):
-                raise InputError("the command of a law must be finite")
         self._values[: len(parts)] = parts
         self._held = len(parts)
 
