@@ -295,10 +295,11 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     (mark,) = [each for name, each in nodes.items() if name.endswith("/marks/zmp")]
     assert mark.how["color"] == (51, 102, 153) and mark.how["opacity"] == 0.5
     assert panel._said == viser_page.text_html("1.50 s", "walks") and panel.scene.meanings
-    moved = Mark("zmp", "ball", np.array([[0.7, 0.25, 0.0]]), ball.colour, 0.02)
+    moved = Mark("zmp", "ball", np.array([[0.7, 0.25, 0.0]]), (0.0, 1.0, 0.2, 1.0), 0.02)
     count = len(nodes)
     panel.draw(Picture(1.6, [moved], [], target))
     assert len(nodes) == count and mark.vertices[:, 0].mean() == pytest.approx(0.7, abs=1e-3)
+    assert (mark.color, mark.opacity) == ((0, 255, 51), None), "those of the mark as it is now"
     panel.draw(Picture(1.7, [], [], target))
     assert mark.removed
 

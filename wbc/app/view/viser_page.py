@@ -123,6 +123,7 @@ class ViserScene(DrawnScene):
         (vertices, faces), node = mark_mesh(mark), self._beside.get(mark.name)
         if node is not None and node.vertices.shape == vertices.shape:
             node.vertices = vertices.astype(np.float32)
+            node.color, node.opacity = paint(mark.colour).values()
         else:
             self._beside[mark.name] = self._nodes.add_mesh_simple(
                 f"{ROOT}/marks/{mark.name}",
