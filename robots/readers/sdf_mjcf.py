@@ -184,7 +184,14 @@ class _Reader:
                     "ball and fixed"
                 )
             axis = self._numbers(joint.findtext("axis/xyz") or "0 0 1", 3, f"axis of joint '{name}'")
-            in_model = (joint.findtext("axis/use_parent_model_frame") or "").strip() in ("1", "true")
+            frame = "" if (xyz := joint.find("axis/xyz")) is None else xyz.get("expressed_in", "")
+            if frame not in ("", "__model__"):
+                raise ModelError(
+                    f"{self.where}: axis of joint '{name}' must be in the frame of the joint or in __model__, got "
+                    f"expressed_in='{frame}'"
+                )
+            said = (joint.findtext("axis/use_parent_model_frame") or "").strip()
+            in_model = bool(frame) or said in ("1", "true")
             axis = self.places[far].rotation.T @ axis if in_model else place.rotation @ axis
             hinges = {name: axis if far == ends[1] else -axis}
         slides = kind == "prismatic"
@@ -202,7 +209,7 @@ class _Reader:
                 made.range = limits
             if 0.0 < (speed := self._limit(joint, "velocity")) < np.inf:
                 self.spec.add_numeric(name=VELOCITY_LIMIT.format(name), data=[speed], size=1)
-            if (effort := self._number(joint, "axis/limit/effort", -1.0)) > 0.0:
+            if 0.0 < (effort := self._limit(joint, "effort")) < np.inf:
                 made.actfrcrange, made.actfrclimited = [-effort, effort], True
 
     def _close(self, name: str, joint: ET.Element, ends: tuple[str, str]) -> None:

@@ -114,6 +114,8 @@ def test_what_hands_bear_from_the_start_is_no_tare_unless_they_are_said_to_be_em
 
     assert rest(70)[2] == pytest.approx(0.0 if abs(share) < 0.03 else borne[2], abs=1e-6)
     observer.take_tare()
+    observer.update(at_rest(robot, borne), DT)
+    assert not observer.ready and not observer.wrench.any()
     assert rest(70)[2] == pytest.approx(0.0, abs=1e-6)
 
 

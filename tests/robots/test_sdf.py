@@ -98,15 +98,17 @@ AT = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.1, -0.4), np.array([0.05, -0.02, 0.1]))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
-@pytest.mark.parametrize("in_model", [False, True])
+@pytest.mark.parametrize(
+    "in_model", ["", "<use_parent_model_frame>1</use_parent_model_frame>", "expressed_in"]
+)
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_joint_moves_its_child_about_its_axis_in_the_axes_of_the_joint_or_the_model(
-    kind: str, in_model: bool, swapped: bool, tmp_path: Path
+    kind: str, in_model: str, swapped: bool, tmp_path: Path
 ) -> None:
     """The other link moves the other way where the file names the two the other way round."""
-    frame = "<use_parent_model_frame>1</use_parent_model_frame>" if in_model else ""
+    frame, said = ("", ' expressed_in="__model__"') if in_model == "expressed_in" else (in_model, "")
     limit = "<limit><lower>-0.5</lower><upper>0.8</upper></limit>"
-    model = pair(tmp_path, kind, f"<axis><xyz>0 0.6 0.8</xyz>{frame}{limit}</axis>", swapped=swapped)
+    model = pair(tmp_path, kind, f"<axis><xyz{said}>0 0.6 0.8</xyz>{frame}{limit}</axis>", swapped=swapped)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     moved = "one" if swapped else "two"
@@ -136,7 +138,7 @@ def test_effort_damping_friction_and_springs_of_a_joint_are_those_of_the_file(tm
     assert joint.damping[0] == 0.1 and joint.frictionloss[0] == 0.2 and joint.stiffness[0] == 7.0
     assert model.qpos_spring[joint.qposadr[0]] == 0.3 and not model.jnt_limited[joint.id]
     assert model.jnt_actfrcrange[joint.id].tolist() == [-30.0, 30.0] and model.jnt_actfrclimited[joint.id]
-    for effort in ("", "<limit><effort>-1</effort></limit>", "<limit><effort>0</effort></limit>"):
+    for effort in ("", *(f"<limit><effort>{text}</effort></limit>" for text in ("-1", "0", "inf", "1e16"))):
         bare = pair(tmp_path, axis=f"<axis><xyz>1 0 0</xyz>{effort}</axis>")
         assert not bare.jnt_actfrclimited[0 if bare.njnt == 1 else bare.joint("j").id]
         assert bare.joint("j").stiffness[0] == bare.joint("j").damping[0] == 0.0
@@ -166,6 +168,11 @@ def test_a_ball_joint_is_three_hinges_in_its_axes_and_a_fixed_one_none(tmp_path:
     assert fixed.njnt == 1  # the free one
     with pytest.raises(ModelError, match="'j' is of type 'screw'"):
         pair(tmp_path, "screw")
+
+
+def test_an_axis_in_the_frame_of_another_link_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="axis of joint 'j' must be in the frame of the joint .*'one'"):
+        pair(tmp_path, axis='<axis><xyz expressed_in="one">0 0 1</xyz></axis>')
 
 
 @pytest.mark.parametrize(

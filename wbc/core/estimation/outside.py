@@ -131,7 +131,8 @@ class OutsideWrench:
         return self._tare.ready
 
     def take_tare(self) -> None:
-        """Take the tare anew from now on: the hands are empty, whatever they seem to bear."""
+        """Take the tare anew from now on: the hands are empty, and `wrench` is zero until it is taken."""
+        self.wrench = np.zeros(6)
         self._time = self.settings.settling
         self._tare.begin(empty=True)
 
