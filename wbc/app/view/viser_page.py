@@ -104,7 +104,7 @@ class ViserScene(DrawnScene):
         """Show all bodies that move as transparent, or as they are."""
         for number, drawn in self._drawn.items():
             if self.meshes[number].body > 0:
-                drawn.opacity = 0.4 if on else None
+                drawn.opacity = 0.4 if on else paint(self._colours[number])["opacity"]
 
     def _move(self, body: int) -> None:
         frame, data = self._frames[body], self.stage.data
