@@ -95,6 +95,11 @@ def test_only_the_last_drive_of_a_tick_counts_and_others_stay() -> None:
     drive(2.0, 0.4)
     told = [(entry["time"], entry["what"], entry.get("forward")) for entry in controls.interventions]
     assert told == [(1.0, "drive", 0.2), (2.0, "drive", 0.3), (2.0, "stop", None), (2.0, "drive", 0.4)]
+    assert len(json.loads(controls.news())) == 4
+    controls.apply({"do": "drive", "forward": 0.5, "left": 0.1, "turn": -0.1})
+    assert [entry["forward"] for entry in json.loads(controls.news())] == [0.5], (
+        "in the place of one that was told"
+    )
 
 
 @pytest.mark.parametrize("name", ["forward", "left", "turn"])

@@ -210,6 +210,7 @@ class LiveControls:
         last = self.interventions[-1] if self.interventions else None
         if last is not None and last["what"] == "drive" == entry["what"] and last["time"] == entry["time"]:
             self.interventions.pop()  # only the last of several commands to one tick counts
+            self._reported = min(self._reported, len(self.interventions))
         self.interventions.append(entry)
         self.message = intervention_text(entry)
 
