@@ -434,3 +434,19 @@ def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
     for _ in range(25):
         tick(np.inf)
     assert hand.state is HandState.HOLD and hand.force.total == pytest.approx(12.0)
+
+
+def test_a_hand_that_is_told_in_every_tick_to_let_go_lets_go_as_soon_as_one_that_is_told_once() -> None:
+    def ticks(*, again: bool) -> int:
+        hands, hand, tick = held_hand(20.0, ramp=0.1)
+        hands.release("left_hand")
+        count = 0
+        while hand.state is HandState.HOLD and count < 200:
+            tick(np.inf)
+            count += 1
+            if again and hand.state is HandState.HOLD:
+                hands.release("left_hand")
+        assert hand.state is HandState.FREE
+        return count
+
+    assert ticks(again=True) == ticks(again=False)

@@ -269,7 +269,8 @@ class Hand:
     def release(self) -> None:
         """Take the force back and let go."""
         if self.state is HandState.HOLD:
-            self._fade(self._settings.ramp)
+            if self.ordered > 0.0:  # else it is being taken back already
+                self._fade(self._settings.ramp)
         elif self.state is not HandState.FREE:
             self._free()
 
