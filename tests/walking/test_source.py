@@ -96,6 +96,15 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
     assert walking.drives.failures == 20 and "no reference" in walking.drives.reason
 
 
+def test_a_stop_is_no_error_with_a_source_that_cannot_be_steered() -> None:
+    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    walking = WalkingControl(robot, Sway(robot), plant.control_period)
+    walking.stop()
+    assert walking.stopped
+    plant.step(walking.command(plant.measure()))
+    assert walking.drives.failures == 0
+
+
 def test_free_steps_are_for_a_control_that_takes_them() -> None:
     robot, torque = DESCRIPTION.robot(), WalkingControlSettings(mode="torque")
     gait = SteppingWalk.of(robot, 0.005)

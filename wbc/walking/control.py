@@ -420,8 +420,9 @@ class WalkingControl(SteeredControl):
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:
-        """Come to a stand safely."""
-        self._order()
+        """Come to a stand safely; a source that cannot be steered goes on with the references that it gives."""
+        if self.source.steering is not None:
+            self._order()
         self.stopped = True
 
     def _order(self, velocity: Velocity | None = None, planner: FootstepSource | None = None) -> None:
