@@ -9,7 +9,8 @@ stepping    free steps of torque and hybrid control, which are decided as the ro
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
 table       costs and gains of the tasks, for planned and free steps
 balance     the stabilizer of planned steps, and of references of one's own
-steps       drives, source of references and tasks by the mode of the control
+assembly    drives, source of references and tasks by the mode of the control
+settings    the settings of the control
 body, hands, load    what else is asked of the robot: set-points of the body, hands, the load that they hold
 """
 
