@@ -355,6 +355,18 @@ def test_a_trunk_without_a_neck_turns_to_a_point_as_far_as_it_goes(heading: floa
     assert body.turn == pytest.approx(0.0), "a point above the robot has no direction"
 
 
+@pytest.mark.parametrize("turn", [0.05, -0.05, 0.3, -0.3])
+@pytest.mark.parametrize("angle", [1.0, -1.0])
+def test_a_trunk_turns_to_the_end_on_the_side_of_a_point_beside_the_robot(turn: float, angle: float) -> None:
+    robot = load_robot("g1").robot()
+    body, com = WalkingControl(robot, FootstepPlan.standing(robot), DT).body, np.array(robot.com)
+    body._most_turn = 0.3
+    body.turn = turn
+    body.look_at(com + (2.0 * math.cos(angle), 2.0 * math.sin(angle), 0.0))
+    body.update(0.0)
+    assert body.turn == math.copysign(0.3, angle)
+
+
 def test_a_trunk_without_a_neck_looks_at_a_point_once_it_is_turned_there() -> None:
     robot = load_robot("g1").robot()
     body, com = WalkingControl(robot, FootstepPlan.standing(robot), DT).body, np.array(robot.com)

@@ -258,12 +258,15 @@ class Body:
             self._now, self._rate = self._goal.copy(), np.zeros(4)
 
     def _turn_to(self, point: Array, heading: float) -> None:
-        """Turn to a point; where the trunk does not turn that far, stay at that end of its range where it is."""
+        """Turn to a point, or to the end of the range on its side; at an end the trunk stays for a point behind it."""
         x, y, _ = point - self._robot.com
         if math.hypot(x, y) < NEAREST:
             return
         angle, most = math.remainder(math.atan2(y, x) - heading, math.tau), self._most_turn
-        self._goal[3] = angle if abs(angle) <= most else math.copysign(most, self._goal[3] or angle)
+        stays = abs(self._goal[3]) >= most and abs(angle) > 0.5 * math.pi
+        self._goal[3] = (
+            angle if abs(angle) <= most else math.copysign(most, self._goal[3] if stays else angle)
+        )
         self._off = abs(angle - float(self._now[3]))
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
