@@ -279,3 +279,11 @@ def test_a_box_can_be_moved() -> None:
     box.lower, box.upper = [0.0, 0.0, 0.0], (1.0, 2.0, math.inf)
     np.testing.assert_equal(box.lower, [0.0, 0.0, 0.0])
     np.testing.assert_equal(box.upper, [1.0, 2.0, math.inf])
+    for place in (5.0, -5.0):  # past where it was
+        box.bounds = np.full(3, place), np.full(3, place + 1.0)
+        np.testing.assert_equal(box.bounds, [[place] * 3, [place + 1.0] * 3])
+    wrongs: list[Any] = [np.zeros(3), None, (np.ones(3), np.zeros(3))]
+    for wrong in wrongs:
+        with pytest.raises(InputError, match="limit 'torso_link"):
+            box.bounds = wrong
+    np.testing.assert_equal(box.lower, [-5.0] * 3)

@@ -124,6 +124,22 @@ def test_a_file_keeps_what_is_known_and_one_that_is_missing_is_named_once(
         assert again.joint_names == arms.joint_names
 
 
+@pytest.mark.parametrize("ending", ["npz", "csv"])
+@pytest.mark.parametrize("name", ["time", "x", "left_stands", "a\nb", " a", "a"])
+def test_a_clip_that_is_written_is_read_with_the_names_of_its_joints(
+    arms: MotionClip, tmp_path: Path, name: str, ending: str
+) -> None:
+    path = tmp_path / f"clip.{ending}"
+    clip = replace(arms, joint_names=(name, *arms.joint_names[1:]))
+    if name == " a" or ending == "csv" and name != "a":
+        with pytest.raises(InputError, match=f"cannot be called .* as .{ending}"):
+            write_motion(clip, path)
+        assert not path.exists()
+    else:
+        write_motion(clip, path)
+        assert read_motion(path).joint_names == clip.joint_names
+
+
 @pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "opaque", "of C", "unused"])
 def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: Path, kind: str) -> None:
     """Bytes of HDF5 or C, padded texts, rows of single letters of MATLAB; what is not read may be a pickle."""

@@ -69,8 +69,16 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
 
     Raises:
         FileError: The file cannot be written.
+        InputError: A name of a joint cannot be read from such a file, such as that of another column of a .csv.
     """
     path = _known(Path(path))
+    columns_of_csv = ("time", *BASE_COLUMNS, *STANDING)
+    for name in clip.joint_names:
+        lost = path.suffix.lower() == ".csv" and (name in columns_of_csv or len(name.splitlines()) > 1)
+        if lost or name != name.strip():
+            raise InputError(
+                f"a joint cannot be called {shown(name)} in a motion that is written as {path.suffix}"
+            )
     with replacing(path) as new:
         if path.suffix.lower() == ".npz":
             columns: dict[str, Any] = {"rate": clip.rate, "base": clip.base, "joints": clip.joints}

@@ -152,6 +152,21 @@ class FramePositionLimit(FrameLimit):
     def upper(self, value: ArrayLike) -> None:
         self._take(self._lower, value)
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """`lower` and `upper`, shape (n,) each, m, read-only; assign both to move the box past where it was."""
+        return self.lower, self.upper
+
+    @bounds.setter
+    def bounds(self, value: tuple[ArrayLike, ArrayLike]) -> None:
+        try:
+            lower, upper = value
+        except (TypeError, ValueError):
+            raise InputError(
+                f"bounds of limit '{self.name}' must be (lower, upper), got {shown(value)}"
+            ) from None
+        self._take(lower, upper)
+
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill a row for each direction; see `Barrier.measure`."""
         place = self._axes @ self._placement.translation
