@@ -155,9 +155,9 @@ class RobotDescription:
         for name in self.foot_inertia:
             choose("sole", name, frames.SOLE_NAMES)
         for name, (low, high) in self.torque_ranges.items():
-            if not (low < high and low <= 0.0 <= high):
+            if not low < high:
                 raise InputError(
-                    f"torque range of joint '{name}' must have low < high and contain zero, got ({low:g}, {high:g})"
+                    f"torque range of joint '{name}' must have low < high, got ({low:g}, {high:g})"
                 )
         for name, low, high in zip(names, *map(np.ndarray.tolist, self.position_limits), strict=True):
             finite_scalar(f"half-sitting of joint '{name}'", self.half_sitting[name], low=low, high=high)
