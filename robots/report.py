@@ -27,7 +27,7 @@ FASTEST = 100.0
 """Doubtful limits of speeds, rad/s: drives of humanoids reach 40."""
 
 Doubt = tuple[str, list[str]]
-"""What is doubtful, and of which joints; nothing is for none."""
+"""A doubt, and the joints that it is about; one about no joints is none."""
 
 HEADINGS = {
     "velocity": "rad/s",

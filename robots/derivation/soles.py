@@ -71,7 +71,7 @@ class Rectangle(NamedTuple):
 
 
 class FootGeometry(NamedTuple):
-    """What the rectangles of soles are made of.
+    """Parts from which the rectangles of soles are made.
 
     Attributes:
         shapes: Shapes of the robot.

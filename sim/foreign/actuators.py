@@ -30,7 +30,7 @@ MOTOR, POSITION, VELOCITY = range(3)
 """Their numbers."""
 
 
-class Table(NamedTuple):
+class ActuatorTable(NamedTuple):
     """Actuators of the robot's joints that act, one entry each; a joint may have several.
 
     Attributes:
@@ -50,9 +50,9 @@ class Table(NamedTuple):
     bias: Array
 
     @staticmethod
-    def of(found: Sequence[tuple[JointActuator, int]]) -> Table:
+    def of(found: Sequence[tuple[JointActuator, int]]) -> ActuatorTable:
         """Return the table of actuators, each with the number of its joint."""
-        return Table(
+        return ActuatorTable(
             number=np.array([each.number for each, _ in found], dtype=np.intp),
             control=np.array([each.control for each, _ in found], dtype=np.intp),
             joint=np.array([joint for _, joint in found], dtype=np.intp),
@@ -108,7 +108,7 @@ class JointActuators:
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._limits = robot.torque_lower, robot.torque_upper
         found = _acting(places, names)
-        self._table = table = Table.of(found)
+        self._table = table = ActuatorTable.of(found)
         spare = [control for each, _ in found for control in each.controls if control != each.control]
         self._spare = np.array(spare, dtype=np.intp)  # further controls of an actuator, which stay zero
         drives = table.drives()

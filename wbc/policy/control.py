@@ -54,7 +54,7 @@ SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
 
 ANOTHER = "make another control"
-"""What to do in place of the assignment of a part."""
+"""Advice in place of the assignment of a part."""
 
 
 class PolicyError(WbcError):

@@ -101,7 +101,7 @@ class Scale(NamedTuple):
 
 @dataclass(eq=False)
 class Picture:
-    """What is drawn beside the bodies of a model at one time, and written; points are in the true world, m.
+    """Marks and text beside the bodies of a model at one time; points are in the true world, m.
 
     Attributes:
         time: Time, s.

@@ -37,7 +37,7 @@ STATUS_LENGTH = 120
 
 
 class Stage(Protocol):
-    """What a view or film shows: bodies of a model in the state of its data, and sizes for marks and camera.
+    """Content of a view or film: bodies of a model in the state of its data, and sizes for marks and camera.
 
     Attributes:
         title: Name of the robot.

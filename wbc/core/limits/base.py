@@ -27,7 +27,7 @@ RECOVERY = 2.0
 """Greatest acceleration back from outside of a bound where none is given, m/s² or rad/s²."""
 
 Order = Literal["step", "velocity", "acceleration"]
-"""What rows of a limit bound: steps and velocities of inverse kinematics, accelerations of a controller."""
+"""Quantity that rows of a limit bound: steps and velocities of inverse kinematics, accelerations of a controller."""
 
 ZERO = scalar(0.0)
 """Zero, for the tick; see `scalar`."""

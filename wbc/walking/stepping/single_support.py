@@ -54,7 +54,7 @@ class SetOff(NamedTuple):
 
 @dataclass(slots=True)
 class OneStep:
-    """What holds for one step, from its lift-off on.
+    """State of one step, from its lift-off on.
 
     Attributes:
         stood: Height of the foot that stands to which the expected ground belongs, m.

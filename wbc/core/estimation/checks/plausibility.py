@@ -241,7 +241,7 @@ class Plausibility:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is refused at present, such as "encoder of left_knee", or a measurement that repeats the last one."""
+        """Sensors refused at present, such as "encoder of left_knee", or a measurement that repeats the last one."""
         return self._faults + self._optional_faults + self._repeated
 
     @property
