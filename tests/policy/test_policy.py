@@ -312,6 +312,24 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
     PolicyControl(G1.robot(), file, DT)
 
 
+@pytest.mark.parametrize("key", ["joint_names", "observation_names", "command_names"])
+def test_names_in_metadata_are_a_list_or_one_name(key: str) -> None:
+    one = {
+        "joint_names": LEGS[0],
+        "joint_stiffness": "[40.0]",
+        "joint_damping": "[2.0]",
+        "default_joint_pos": "[0.1]",
+        "observation_names": "command",
+        "command_names": "motion",
+    }
+    description = PolicyDescription.of("none.onnx", one | {key: json.dumps(one[key])})
+    assert description == PolicyDescription.of("none.onnx", one)
+    assert [term.name for term in description.observation] == ["motion_joints"]
+    for text in ("1", "null", "[[1]]", '{"motion": 1}', "1, 2"):
+        with pytest.raises(InputError, match=f"{key} in the metadata of a policy must be a list of names"):
+            PolicyDescription.of("none.onnx", one | {key: text})
+
+
 RANGES = ("lin_vel_x", "lin_vel_y", "ang_vel_z")
 
 

@@ -300,9 +300,13 @@ def _by_joint(default: Mapping[str, Any], joints: Sequence[str]) -> list[Any]:
 def _from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
     """Return the fields of a description that the metadata of a network have."""
     keys = HOLOSOMA if "dof_names" in metadata else MJLAB
-    values = {field: _value(key, metadata[key]) for key, field in keys.items() if key in metadata}
+    values = {
+        field: (_names if field in ("joints", "observation") else _value)(key, metadata[key])
+        for key, field in keys.items()
+        if key in metadata
+    }
     if "observation" in values:
-        tracks = "motion" in _value("command_names", metadata.get("command_names", "none"))
+        tracks = "motion" in _names("command_names", metadata.get("command_names", "none"))
         given = {"command": "motion_joints"} if tracks else {}
         values["observation"] = [{"name": given.get(name, name)} for name in values["observation"]]
     for name in ("action_scale", "anchor"):
@@ -312,6 +316,15 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
     if ranges is not None:
         values |= _of_ranges("command_ranges of a policy", ranges, "ang_vel_yaw")
     return values
+
+
+def _names(key: str, text: str) -> list[str]:
+    """Return the names in a key of metadata, a list or a single name."""
+    value = _value(key, text)
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{key} in the metadata of a policy must be a list of names, got {shown(text)}")
+    return names
 
 
 def _value(key: str, text: str) -> Any:
