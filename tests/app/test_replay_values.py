@@ -36,11 +36,14 @@ def test_pictures_are_those_of_the_nearest_ticks(tmp_path: Path) -> None:
     """Of ticks at 0, 0.1, 0.35 and 1 s, those nearest to every quarter of a second: of two as near, the later one."""
     replay = Replay.__new__(Replay)
     replay.log = made_log(tmp_path / "a.arrow", {"time": np.array([0.0, 0.1, 0.35, 1.0])})
-    assert replay.ticks(4.0) == [0, 2, 3]
-    assert replay.ticks(20.0, 2.0) == [0, 1, 2, 3]
+    assert replay.ticks(4.0) == [0, 2, 2, 3, 3]
+    assert replay.ticks(20.0, 2.0) == [0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]
     replay.log = made_log(tmp_path / "b.arrow", {"time": np.array([5.0, 6.0, 7.0])})
-    assert replay.ticks(2.0) == [0, 1, 2] and replay.ticks(1.0, 2.0) == [0, 2] and replay.ticks(0.1) == [0]
-    assert replay.ticks(0.49 * MOST_PICTURES) == [0, 1, 2]
+    assert replay.ticks(2.0) == [0, 1, 1, 2, 2]
+    assert replay.ticks(1.0, 2.0) == [0, 2] and replay.ticks(0.1) == [0]
+    for rate, speed in ((60.0, 0.1), (30.0, 0.05), (0.49 * MOST_PICTURES, 1.0)):
+        ticks = replay.ticks(rate, speed)
+        assert abs(len(ticks) - 2.0 * rate / speed) <= 1.0 and sorted(set(ticks)) == [0, 1, 2]
     with pytest.raises(InputError, match="at most"):
         replay.ticks(0.51 * MOST_PICTURES)
 

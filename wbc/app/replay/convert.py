@@ -86,7 +86,7 @@ def convert_log(
                         file.write_texts(signal.name)
             if replay is not None:
                 scene: DrawnScene = file.scene(replay)
-                for tick in replay.ticks(rate):
+                for tick in dict.fromkeys(replay.ticks(rate)):
                     scene.draw(replay.picture(tick))
         finally:
             file.close()

@@ -101,7 +101,7 @@ class Replay:
         return len(self.log)
 
     def ticks(self, rate: float, speed: float = 1.0) -> list[int]:
-        """Return the ticks nearest to equally spaced times.
+        """Return the ticks nearest to equally spaced times; a tick comes again where pictures are faster than ticks.
 
         Args:
             rate: Pictures per second of the film, Hz.
@@ -115,8 +115,7 @@ class Replay:
         times = np.arange(time[0], time[-1] + 1e-9, step)
         after = np.minimum(np.searchsorted(time, times), len(self) - 1)
         before = np.maximum(after - 1, 0)
-        nearest = np.where(time[after] - times <= times - time[before], after, before)
-        return [int(i) for i in np.unique(nearest)]
+        return [int(i) for i in np.where(time[after] - times <= times - time[before], after, before)]
 
     @checked
     def picture(self, tick: Ordinal) -> Picture:
