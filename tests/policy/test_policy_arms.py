@@ -339,6 +339,25 @@ def test_arms_work_again_after_an_imu_that_was_lost(of_the_qp: bool, signal: str
     assert failed > 10 and policy.status() == "ok" and policy.fallen is None
 
 
+def test_the_bound_of_the_reaction_is_that_of_the_momentum_after_lost_ticks() -> None:
+    """Arms have moved in them: by how much their inertia about the base has changed is the work of no single tick."""
+    plant, policy = filtered({})
+    robot, arms = policy.controller.robot, policy._arms
+    policy.command(plant.measure())
+    q, v = np.array(robot.q), np.zeros(robot.nv)
+    q[7 + 15 :] += 0.5
+    v[6 + 15 :] = 0.5
+    robot.update(q, v)
+    arms.forget_rate()
+    arms.near(plant.measure(), np.zeros(robot.na))
+    share = robot.mass_matrix[3:6, 6 + 15 :] @ v[6 + 15 :] / (arms._reaction * LASTS)
+    assert np.abs(share).max() > 0.1
+    np.testing.assert_allclose(arms._upper[-3:], arms._reaction * np.clip(1.0 - share, -1.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(
+        arms._lower[-3:], arms._reaction * np.clip(-1.0 - share, -1.0, 1.0), atol=1e-12
+    )
+
+
 def test_the_rate_of_a_carried_frame_is_differentiated_over_one_tick_alone() -> None:
     plant, policy = bobbing(arms=ARMS)
     measurement = plant.measure()

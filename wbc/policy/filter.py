@@ -134,6 +134,11 @@ class FilteredArms(PolicyArms):
         self._made: Array | None = None  # torques of the last tick, shape (na,), Nm
         self._limits: tuple[Limit, ...] | None = None  # for which there is room
 
+    def forget_rate(self) -> None:
+        """See `PolicyArms.forget_rate`; the inertia by which the momentum changes is not that of the tick before."""
+        super().forget_rate()
+        self._limits = None  # room for them has the inertia of the next tick
+
     def _place(self, limits: tuple[Limit, ...]) -> None:
         """Make room for the rows of limits."""
         self._limits, robot = limits, self.controller.robot
