@@ -1,7 +1,9 @@
 """Grip the handles of a cart, push it, turn it about its middle, and pull it back.
 
-The feet slip when the robot turns the cart. The heading of the cart, which follows from the hands and the gyroscope,
-is corrected. Try `python examples/hands/cart.py --robot talos --view`.
+The feet slip when the robot turns the cart, and the robot turns further than the cart. The heading of the cart, which
+follows from the hands and the gyroscope, is corrected, and the robot walks along it.
+
+Try `python examples/hands/cart.py --robot talos --view`.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Any
 from _hands import connect, grip, hand_options, report, stand
 
 from wbc.sim import make_scene
-from wbc.walking import FootstepPlan, turn_in_place, walk_distance
+from wbc.walking import FootstepPlan, turn_in_place, walk_path
 
 ROBOTS = {
     "hrp4_class": (0.403, 0.893, 15.0, 13.5, 4.4),
@@ -21,6 +23,13 @@ ROBOTS = {
     "g1": (0.365, 0.85, 15.0, 13.5, 2.2),
 }
 """Place of the bar, m; resistance of the cart and force above which a hand yields, N; turn in two steps, degrees."""
+
+
+def along_cart(start: FootstepPlan, way: float, heading: float) -> FootstepPlan:
+    """Plan a walk by `way` (m) along the heading (rad) of the cart, with feet that keep their own heading."""
+    count = math.ceil(abs(way) / start.gait.full.step_length)
+    turned = heading - start.middle[2]
+    return walk_path(start, [(way / count * math.cos(turned), way / count * math.sin(turned), 0.0)] * count)
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -38,14 +47,15 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     with trial.running(options.hooks()):
         grip(trial, limit, left_hand=("left handle", (x, 0.2, z)), right_hand=("right handle", (x, -0.2, z)))
-        held, pivot = hands.heading, {"per_step": math.radians(opening), "ahead": x + 0.57}
+        held, ahead = hands.heading, hands.heading - FootstepPlan.standing(robot).middle[2]
+        pivot = {"per_step": math.radians(opening), "ahead": x + 0.57}
         for trial.stage, way, to in (
             ("forward", options.forward, 0),
             ("turn", 0, 1),
             ("back", -options.back, 1),
         ):
             if way:
-                trial.follow(walk_distance(FootstepPlan.standing(robot), way), 2.0, look)
+                trial.follow(along_cart(FootstepPlan.standing(robot), way, hands.heading - ahead), 2.0, look)
             for _ in range(options.corrections + (trial.stage == "turn")):
                 rest = math.remainder(to * turn + held - hands.heading, math.tau)
                 if abs(rest) > math.radians(1.5):
