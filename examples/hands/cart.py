@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     with trial.running(options.hooks()):
         grip(trial, limit, left_hand=("left handle", (x, 0.2, z)), right_hand=("right handle", (x, -0.2, z)))
-        held, ahead = hands.heading, hands.heading - FootstepPlan.standing(robot).middle[2]
+        held, offset = hands.heading, hands.heading - FootstepPlan.standing(robot).middle[2]
         pivot = {"per_step": math.radians(opening), "ahead": x + 0.57}
         for trial.stage, way, to in (
             ("forward", options.forward, 0),
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
             ("back", -options.back, 1),
         ):
             if way:
-                trial.follow(along_cart(FootstepPlan.standing(robot), way, hands.heading - ahead), 2.0, look)
+                trial.follow(along_cart(FootstepPlan.standing(robot), way, hands.heading - offset), 2.0, look)
             for _ in range(options.corrections + (trial.stage == "turn")):
                 rest = math.remainder(to * turn + held - hands.heading, math.tau)
                 if abs(rest) > math.radians(1.5):
