@@ -161,8 +161,11 @@ class MujocoLoop(MujocoRobot):
 
     @property
     def time(self) -> float:
-        """Simulated time since the last reset, s; that of the data where they were given and not reset."""
-        return float(self.data.time) - self._zero_time
+        """Simulated time since the last reset, s, to the nanosecond; that of the data where they were not reset.
+
+        The time of the data goes on through a reset. Without the rounding, each run would have its own last bits of it.
+        """
+        return round(float(self.data.time) - self._zero_time, 9)
 
     @property
     def joint_torque(self) -> Array:

@@ -193,14 +193,16 @@ def readings(simulation: Simulation) -> np.ndarray:
     found = []
     for _ in range(3):
         simulation.step(simulation.hold())
-        found.append(simulation.measure().joint_position)
+        measured = simulation.measure()
+        found.append(np.append(measured.joint_position, measured.time))
     return np.array(found)
 
 
 def test_sensor_errors_follow_from_the_seed(make: Callable[..., Simulation]) -> None:
     one, other = make(noise="realistic", seed=5), make(noise="realistic", seed=6)
     first = readings(one)
-    assert not np.array_equal(first, readings(other)) and np.ptp(first - one.joint_position) > 0.0
+    later = readings(other)
+    assert not np.array_equal(first, later) and np.ptp(first[:, :-1] - one.joint_position) > 0.0
     other.reset(seed=5)
     one.reset()
     assert one.seed == other.seed == 5
@@ -209,7 +211,7 @@ def test_sensor_errors_follow_from_the_seed(make: Callable[..., Simulation]) -> 
 
 @pytest.mark.parametrize("kind", [*KINDS, *(f"own {kind}" for kind in ACTUATORS)])
 def test_a_reset_simulation_runs_as_a_new_one(kind: str) -> None:
-    """Bit for bit: nothing is left of commands, pushes, loads or speeds, in models with actuators of any kind."""
+    """Bit for bit: nothing is left of commands, pushes, loads, speeds or time, in models with actuators of any kind."""
     if kind in KINDS:
         simulation = KINDS[kind]()
     else:
@@ -219,7 +221,7 @@ def test_a_reset_simulation_runs_as_a_new_one(kind: str) -> None:
     things = None if data is None else (data.qpos.copy(), data.qvel.copy())
     first = readings(simulation)
     simulation.push("torso", [50.0, 0.0, 0.0], 1.0)
-    for _ in range(3):
+    for _ in range(7):
         simulation.step(LIMP)
     if things is not None:  # those of somebody else's model stay where they are
         data.qpos[:], data.qvel[:] = things
