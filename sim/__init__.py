@@ -8,12 +8,12 @@ from wbc.sim.balance.standing import stand
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 from wbc.sim.foreign.engine import EngineContacts, EngineLoop, EnginePush
 from wbc.sim.foreign.mujoco_model import MujocoLoop
-from wbc.sim.foreign.server import RobotServer
 from wbc.sim.foreign.shared import SharedPlant
 from wbc.sim.plant.eyes import DepthCamera, DepthView
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.server import RobotServer
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind

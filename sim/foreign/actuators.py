@@ -33,13 +33,17 @@ MOTOR, POSITION, VELOCITY = range(3)
 class ActuatorTable(NamedTuple):
     """Actuators of the robot's joints that act, one entry each; a joint may have several.
 
+    An actuator's force on its joint is gear (g u + b₀ + b₁ gear q + b₂ gear q̇): a motor has no b, a position servo
+    b₁ = −kp and b₂ = −kv, a velocity servo b₂ alone, a general actuator any of these.
+
     Attributes:
         number: Number of the actuator in the model, shape (n,).
         control: Number of its control in the model, shape (n,).
         joint: Number of the joint in the robot's order, shape (n,).
         gear: Force on the joint over that of the actuator, shape (n,).
-        gain: Force of the actuator over its control, shape (n,).
-        bias: Its force b₀ + b₁ gear q + b₂ gear q̇ at a control of zero, shape (n, 3).
+        gain: Force of the actuator over its control, g, shape (n,).
+        bias: b₀, b₁ and b₂, shape (n, 3).
+        kind: Kind of the actuator, a number in `DRIVES`, shape (n,).
     """
 
     number: Index
@@ -48,23 +52,22 @@ class ActuatorTable(NamedTuple):
     gear: Array
     gain: Array
     bias: Array
+    kind: Index
 
     @staticmethod
     def of(found: Sequence[tuple[JointActuator, int]]) -> ActuatorTable:
         """Return the table of actuators, each with the number of its joint."""
+        bias = np.array([each.bias for each, _ in found]).reshape(-1, 3)
+        _, position, velocity = bias.T != 0.0
         return ActuatorTable(
             number=np.array([each.number for each, _ in found], dtype=np.intp),
             control=np.array([each.control for each, _ in found], dtype=np.intp),
             joint=np.array([joint for _, joint in found], dtype=np.intp),
             gear=np.array([each.gear for each, _ in found]),
             gain=np.array([each.gain for each, _ in found], dtype=np.float64),
-            bias=np.array([each.bias for each, _ in found]).reshape(-1, 3),
+            bias=bias,
+            kind=np.where(position, POSITION, np.where(velocity, VELOCITY, MOTOR)),
         )
-
-    def drives(self) -> Index:
-        """Return the kind of each actuator, a number in `DRIVES`, shape (n,)."""
-        _, position, velocity = self.bias.T != 0.0
-        return np.where(position, POSITION, np.where(velocity, VELOCITY, MOTOR))
 
     def own(self, position: Array, velocity: Array) -> Array:
         """Return the force of each actuator at a control of zero, by position and velocity of the joints."""
@@ -75,23 +78,16 @@ class ActuatorTable(NamedTuple):
 
 
 class JointActuators:
-    """Actuators of the robot's joints, as the file has them.
+    """Actuators of the robot's joints, as the file has them; `ActuatorTable` has their law.
 
-    An actuator's force on its joint is gear (g u + b₀ + b₁ gear q + b₂ gear q̇): a motor has no b, a position servo
-    b₁ = −kp and b₂ = −kv, a velocity servo b₂ alone, a general actuator any of these; of a pid u is the position, its
-    other controls are zero. Several actuators of one joint add up. Those of a group that the file switches off are left
-    alone. A joint without an actuator that acts gets its torque directly.
+    Of a pid the control u is the position, its other controls are zero. Several actuators of one joint add up. Those of
+    a group that the file switches off are left alone. A joint without an actuator that acts gets its torque directly.
 
     - References without gains go to the servos that there are: they act with the gains of the file, and the
       feed-forward is added.
     - Everything else is a torque, computed anew in every physics step: torque control, gains that come with the
-      command, and joints that have no position servo, for which the gains are the description's. What a servo of
-      the file adds to it is subtracted: under an implicit integrator that of the end of the step, foretold by the
-      acceleration of the last one.
-
-    A computed servo acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the
-    forces of the last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two
-    ("stable PD": Tan, Liu & Turk, IEEE CG&A 31(4), 2011).
+      command, and joints that have no position servo (`ComputedServo`), for which the gains are the description's. What
+      a servo of the file adds to it (`FileServos`) is subtracted.
 
     Attributes:
         servo: True for joints with a position servo in the file, shape (na,).
@@ -102,35 +98,27 @@ class JointActuators:
 
     def __init__(self, places: RobotPlaces, description: RobotDescription) -> None:
         """Find the actuators of the robot's joints, or raise a `ModelError`."""
-        self._model = model = places.model
+        self._model, self._dof = places.model, places.joint_dof
         na, names, robot = len(places.joints), description.joint_names, description.robot()
-        self._qpos, self._dof = places.joint_qpos, places.joint_dof
-        self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._limits = robot.torque_lower, robot.torque_upper
         found = _acting(places, names)
         self._table = table = ActuatorTable.of(found)
+        self._controls = [list(each.controls) for each, _ in found]
         spare = [control for each, _ in found for control in each.controls if control != each.control]
         self._spare = np.array(spare, dtype=np.intp)  # further controls of an actuator, which stay zero
-        drives = table.drives()
-        in_order = np.lexsort((drives, table.joint))
+        in_order = np.lexsort((table.kind, table.joint))
         _, first = np.unique(table.joint[in_order], return_index=True)  # a motor, if the joint has one
         self._main = np.isin(np.arange(len(found)), in_order[first])  # takes the feed-forward
-        self.servo = np.isin(np.arange(na), table.joint[drives == POSITION])
+        self.servo = np.isin(np.arange(na), table.joint[table.kind == POSITION])
         self._no_servo = np.zeros_like(self.servo)
-        kinds = [[DRIVES[drive] for drive in drives[table.joint == joint]] for joint in range(na)]
+        kinds = [[DRIVES[drive] for drive in table.kind[table.joint == joint]] for joint in range(na)]
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
         idle = set(description.passive)  # what moves them is not a drive
         bare = [i for i, name in enumerate(names) if not kinds[i] and name not in idle]
         self.bare = np.array(bare, dtype=np.intp)
         self.applied = np.zeros(na)
-        self._tree = np.flatnonzero(places.of_robot[model.dof_bodyid])
-        self._tree_dof = np.searchsorted(self._tree, self._dof)
-        self._mass = np.zeros((model.nv, model.nv))
-        self._sprung = bool(table.bias[:, 1:].any())
-        self._discrete = model.opt.integrator == DISCRETE
-        self._at_end = self._discrete or model.opt.integrator in IMPLICIT
-        self._speed = np.zeros(na)  # of the joints before the last step, rad/s
-        self._taken = np.zeros(na)  # by the servos of the file, of the torque that MuJoCo reports
+        self._computed = ComputedServo(places, (np.array(description.kp), np.array(description.kd)))
+        self._of_file = FileServos(places, table)
 
     def reach(self, position: Array) -> tuple[Array, Array]:
         """Return least and greatest torque at rest that the controls' ranges leave, shape (na,), Nm; inf without."""
@@ -150,8 +138,10 @@ class JointActuators:
         table, position, velocity = self._table, command.joint_position, command.joint_velocity
         follows = position is not None and command.kp is None and command.kd is None
         at_servo = self.servo if follows else self._no_servo
-        torque = self._joint_torque(data, command, at_servo)
-        own = self._own_now(data, at_servo[table.joint])
+        torque = command.joint_torque  # of motors; beside a servo of the file that follows the feed-forward
+        if position is not None and not at_servo.all():
+            torque = np.where(at_servo, torque, self._computed.torque(data, command, at_servo))
+        own = self._of_file.forces(data, at_servo[table.joint])
         if position is not None and follows:
             there = table.own(position, np.zeros_like(position) if velocity is None else velocity)
             own = np.where(at_servo[table.joint], there, own)
@@ -164,16 +154,102 @@ class JointActuators:
             self.applied[self.bare] = clipped
             data.qfrc_applied[self._dof[self.bare]] = clipped
 
-    def _joint_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
-        """Return what motors are to give, shape (na,), Nm: beside a servo of the file its feed-forward alone."""
-        if command.joint_position is None or at_servo.all():
-            return command.joint_torque
-        return np.where(at_servo, command.joint_torque, self._servo_torque(data, command, at_servo))
+    def switch_off(self, data: mujoco.MjData) -> None:
+        """Take the controls and torques of the last command away, and what actuators keep of it."""
+        data.ctrl[self._table.control] = 0.0
+        data.qfrc_applied[self._dof[self.bare]] = 0.0
+        self.settle(data)
+        self.begin(data)
 
-    def _own_now(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
-        """Return the force of each actuator at a control of zero where its joint is, or will be at the end of the step.
+    def begin(self, data: mujoco.MjData) -> None:
+        """Take the present speeds for those before the first step."""
+        self._of_file.begin(data)
 
-        What that changes of the torque that MuJoCo reports is kept, but for actuators that are `held` at a reference.
+    def settle(self, data: mujoco.MjData) -> None:
+        """Put actuators with a lag or a delay where their controls are, as after a long time at them."""
+        model, table = self._model, self._table
+        states = model.actuator_actadr[table.number]
+        data.act[states[states >= 0]] = data.ctrl[table.control[states >= 0]]
+        for number, controls in zip(table.number, self._controls, strict=True):
+            if n := int(model.actuator_history[number, 0]):
+                times = data.time + model.opt.timestep * np.arange(-n, 0.0)[:, None]
+                mujoco.mj_initCtrlHistory(model, data, number, times, np.tile(data.ctrl[controls], (n, 1)))
+
+    def torque(self, data: mujoco.MjData) -> Array:
+        """Return the torques of all drives in the last physics step, shape (na,), Nm."""
+        torque: Array = data.qfrc_actuator[self._dof] + self.applied + self._of_file.taken
+        return torque
+
+
+class ComputedServo:
+    """Servo of joints that have none in the file, or whose gains come with the command.
+
+    It acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the forces of the
+    last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two ("stable PD": Tan,
+    Liu & Turk, IEEE CG&A 31(4), 2011).
+    """
+
+    def __init__(self, places: RobotPlaces, gains: tuple[Array, Array]) -> None:
+        """Find the robot's velocities in the model; the gains are those of a command without any, shape (na,)."""
+        self._model, self._gains = places.model, gains
+        self._qpos, self._dof = places.joint_qpos, places.joint_dof
+        self._robot = np.flatnonzero(places.of_robot[self._model.dof_bodyid])
+        self._joints = np.searchsorted(self._robot, self._dof)
+        self._mass = np.zeros((self._model.nv, self._model.nv))
+
+    def torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
+        """Return feed-forward and servo, shape (na,), Nm; joints at a servo of the file get no servo here."""
+        q, v = data.qpos[self._qpos], data.qvel[self._dof]
+        position = command.joint_position
+        assert position is not None
+        kp, kd = command.gains(self._gains)
+        kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
+        velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
+        dt = self._model.opt.timestep
+        pull: Array = command.joint_torque + kp * (position - q - dt * v) + kd * (velocity - v)
+        damping = kd + dt * kp
+        if not damping.any():
+            return pull
+        mujoco.mj_fullM(self._model, data, self._mass)
+        mass = self._mass[np.ix_(self._robot, self._robot)]
+        force = data.qfrc_passive + data.qfrc_constraint - data.qfrc_bias
+        force = force[self._robot]
+        force[self._joints] += pull
+        mass[self._joints, self._joints] += dt * damping
+        acceleration = np.linalg.solve(mass, force)[self._joints]
+        servo: Array = pull - dt * damping * acceleration
+        return servo
+
+
+class FileServos:
+    """Servos of the file, which add their own force to a torque that is asked for.
+
+    Under an implicit integrator it is the force at the end of the step, foretold by the acceleration of the last step.
+
+    Attributes:
+        taken: Difference of their torques between the end and the beginning of the last step, shape (na,), Nm: MuJoCo
+            reports those at the beginning.
+    """
+
+    def __init__(self, places: RobotPlaces, table: ActuatorTable) -> None:
+        """Find out on which state the servos act."""
+        self._model, self._table = places.model, table
+        self._qpos, self._dof = places.joint_qpos, places.joint_dof
+        self._sprung = bool(table.bias[:, 1:].any())
+        self._discrete = self._model.opt.integrator == DISCRETE
+        self._at_end = self._discrete or self._model.opt.integrator in IMPLICIT
+        self._speed = np.zeros(self._dof.size)  # of the joints before the last step, rad/s
+        self.taken = np.zeros(self._dof.size)
+
+    def begin(self, data: mujoco.MjData) -> None:
+        """Take the present speeds for those before the first step."""
+        self._speed = data.qvel[self._dof]
+        self.taken.fill(0.0)
+
+    def forces(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
+        """Return the force of each actuator at a control of zero in the coming step, shape (n,).
+
+        What that changes of the torque that MuJoCo reports is `taken`, but for actuators `held` at a reference.
         """
         table = self._table
         if not self._sprung:
@@ -186,59 +262,9 @@ class JointActuators:
         v_end = v + (v - self._speed)  # at the acceleration of the last step
         self._speed = v
         at_end = table.own(q + self._model.opt.timestep * v_end if self._discrete else q, v_end)
-        self._taken.fill(0.0)
-        np.add.at(self._taken, table.joint, np.where(held, 0.0, table.gear * (at_end - own)))
+        self.taken.fill(0.0)
+        np.add.at(self.taken, table.joint, np.where(held, 0.0, table.gear * (at_end - own)))
         return at_end
-
-    def switch_off(self, data: mujoco.MjData) -> None:
-        """Take the controls and torques of the last command away, and what actuators keep of it."""
-        data.ctrl[self._table.control] = 0.0
-        data.qfrc_applied[self._dof[self.bare]] = 0.0
-        data.act[self._lagging()[0]] = 0.0
-        self.begin(data)
-
-    def begin(self, data: mujoco.MjData) -> None:
-        """Take the present speeds for those before the first step."""
-        self._speed = data.qvel[self._dof]
-        self._taken.fill(0.0)
-
-    def settle(self, data: mujoco.MjData) -> None:
-        """Put actuators with a lag where their controls are, as after a long time at them."""
-        states, controls = self._lagging()
-        data.act[states] = data.ctrl[controls]
-
-    def _lagging(self) -> tuple[Index, Index]:
-        """Return the states of actuators with a lag, and their controls."""
-        states = self._model.actuator_actadr[self._table.number]
-        return states[states >= 0], self._table.control[states >= 0]
-
-    def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
-        """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
-        q, v = data.qpos[self._qpos], data.qvel[self._dof]
-        position = command.joint_position
-        assert position is not None
-        kp, kd = command.gains((self._kp, self._kd))
-        kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
-        velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
-        dt = self._model.opt.timestep
-        pull: Array = command.joint_torque + kp * (position - q - dt * v) + kd * (velocity - v)
-        damping = kd + dt * kp
-        if not damping.any():
-            return pull
-        mujoco.mj_fullM(self._model, data, self._mass)
-        mass = self._mass[np.ix_(self._tree, self._tree)]
-        force = data.qfrc_passive + data.qfrc_constraint - data.qfrc_bias
-        force = force[self._tree]
-        force[self._tree_dof] += pull
-        mass[self._tree_dof, self._tree_dof] += dt * damping
-        acceleration = np.linalg.solve(mass, force)[self._tree_dof]
-        servo: Array = pull - dt * damping * acceleration
-        return servo
-
-    def torque(self, data: mujoco.MjData) -> Array:
-        """Return the torques of all drives in the last physics step, shape (na,), Nm."""
-        torque: Array = data.qfrc_actuator[self._dof] + self.applied + self._taken
-        return torque
 
 
 def _acting(places: RobotPlaces, names: Sequence[str]) -> list[tuple[JointActuator, int]]:

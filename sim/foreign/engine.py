@@ -261,6 +261,11 @@ class EngineLoop(Simulation):
                 f"{type(self).__name__}.contacts must return a point, a force and a sole for each contact, got "
                 + ", ".join(str(len(each)) for each in touched)
             )
+        if touched[2].size and not -1 <= touched[2].min() <= touched[2].max() < len(self.soles):
+            raise InputError(
+                f"{type(self).__name__}.contacts must return 0 for the left sole, 1 for the right one and -1 for other "
+                f"parts of the robot, got {np.unique(touched[2]).tolist()}"
+            )
         self._wrenches.append(self._sole_wrenches(*touched))
 
     def _look(self) -> bool:

@@ -111,6 +111,10 @@ class MujocoLoop(MujocoRobot):
             machine=machine,
             imu=imu,
         )
+        of_imu = [sensor[0] for sensor in (imu.gyroscope, imu.accelerometer) if sensor is not None]
+        self._late_sensors = np.flatnonzero(
+            np.isin(model.sensor_adr, of_imu) & (model.sensor_history[:, 0] > 0)
+        )
         self._zero_time = 0.0
         self._ground, floor_notes = floor_of(places, robot)
         self.notes = (
@@ -152,6 +156,12 @@ class MujocoLoop(MujocoRobot):
         zero = np.zeros(self.robot.na)
         self.actuators.apply(data, Command(zero, q[7:], zero))
         self.actuators.settle(data)
+        for number in self._late_sensors:  # they read zero until their delay is over, as in new data
+            step = max(self.timestep, float(self.model.sensor_interval[number, 0]))
+            times = data.time + step * np.arange(-self.model.sensor_history[number, 0], 0.0)[:, None]
+            mujoco.mj_initSensorHistory(
+                self.model, data, number, times, np.zeros((len(times), 3)), times[-1, 0]
+            )
 
     def _begin(self) -> None:
         self.data.warning.number[[*BAD_STATE]] = 0
@@ -196,3 +206,8 @@ class MujocoLoop(MujocoRobot):
 
     def _end_period(self) -> None:
         self._find_divergence(BAD_STATE)
+        if (
+            self.diverged is not None
+        ):  # MuJoCo resets the data then, with all forces, unless the model forbids it
+            self._pushed.clear()
+            self.data.xfrc_applied[self.places.of_robot] = 0.0

@@ -83,7 +83,7 @@ class SharedPlant:
     ground.
 
     Attributes:
-        loops: Name → loop of the robot, with its true state, pushes, grips and sensors.
+        loops: Name → loop of the robot, with its true state in the world frame of the plant, pushes, grips and sensors.
         model: MuJoCo's model; all names of a robot begin with the name of the robot and a slash.
         data: MuJoCo's state.
         control_period: Time that `step` advances, s.

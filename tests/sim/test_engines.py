@@ -286,6 +286,17 @@ def test_contacts_without_all_parts_are_refused() -> None:
         loop.step(limp(loop))
 
 
+@pytest.mark.parametrize("soles", [[1, 2], [0, -2]])
+def test_contacts_of_soles_that_the_robot_has_not_are_refused(soles: list[int]) -> None:
+    class Miscounting(InAir):
+        def contacts(self) -> EngineContacts:
+            return EngineContacts(np.zeros((2, 3)), np.ones((2, 3)), soles)
+
+    loop = Miscounting("hrp4_class")
+    with pytest.raises(InputError, match=r"0 for the left sole, 1 for the right one .* got \["):
+        loop.step(limp(loop))
+
+
 def test_a_stand_in_a_model_of_ones_own_is_that_in_the_plant(file: str) -> None:
     spec = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1)
     theirs = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1, loop=f"{file}:of_ones_own")

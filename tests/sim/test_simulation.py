@@ -194,7 +194,8 @@ def readings(simulation: Simulation) -> np.ndarray:
     for _ in range(3):
         simulation.step(simulation.hold())
         measured = simulation.measure()
-        found.append(np.append(measured.joint_position, measured.time))
+        imu = measured.angular_velocity, measured.specific_force
+        found.append(np.concatenate([measured.joint_position, *imu, [measured.time]]))
     return np.array(found)
 
 
@@ -202,20 +203,25 @@ def test_sensor_errors_follow_from_the_seed(make: Callable[..., Simulation]) -> 
     one, other = make(noise="realistic", seed=5), make(noise="realistic", seed=6)
     first = readings(one)
     later = readings(other)
-    assert not np.array_equal(first, later) and np.ptp(first[:, :-1] - one.joint_position) > 0.0
+    assert not np.array_equal(first, later) and np.ptp(first[:, :NA] - one.joint_position) > 0.0
     other.reset(seed=5)
     one.reset()
     assert one.seed == other.seed == 5
     np.testing.assert_array_equal(first, readings(make(noise="realistic", seed=5)))
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *(f"own {kind}" for kind in ACTUATORS)])
-def test_a_reset_simulation_runs_as_a_new_one(kind: str) -> None:
-    """Bit for bit: nothing is left of commands, pushes, loads, speeds or time, in models with actuators of any kind."""
+@pytest.mark.parametrize("diverges", [False, True])
+@pytest.mark.parametrize("kind", [*KINDS, *(f"own {kind}" for kind in ACTUATORS), "late position"])
+def test_a_reset_simulation_runs_as_a_new_one(kind: str, diverges: bool) -> None:
+    """Bit for bit: nothing is left of commands, pushes, loads, speeds or time, in models with actuators of any kind.
+
+    Nor is anything left after a divergence, nor of what actuators and sensors with a delay remember.
+    """
     if kind in KINDS:
         simulation = KINDS[kind]()
     else:
-        model = foreign_model(DESCRIPTION, kind.removeprefix("own "))
+        which, _, actuators = kind.partition(" ")
+        model = foreign_model(DESCRIPTION, actuators, delay=0.004 if which == "late" else 0.0)
         simulation = MujocoLoop(DESCRIPTION, model, prefix="mine/")
     data = getattr(simulation, "data", None)
     things = None if data is None else (data.qpos.copy(), data.qvel.copy())
@@ -223,6 +229,10 @@ def test_a_reset_simulation_runs_as_a_new_one(kind: str) -> None:
     simulation.push("torso", [50.0, 0.0, 0.0], 1.0)
     for _ in range(7):
         simulation.step(LIMP)
+    if diverges and data is not None:
+        data.qvel[:] = np.nan
+        simulation.step(LIMP)
+        assert simulation.diverged
     if things is not None:  # those of somebody else's model stay where they are
         data.qpos[:], data.qvel[:] = things
     simulation.reset()

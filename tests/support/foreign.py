@@ -21,6 +21,7 @@ def foreign_model(
     gains: tuple[np.ndarray, np.ndarray] | None = None,
     gear: float = 1.0,
     lag: float = 0.0,
+    delay: float = 0.0,
 ) -> mujoco.MjModel:
     """Return a scene: a ball, a table, a door with a motor, the robot, and its actuators from the last joint on.
 
@@ -33,6 +34,7 @@ def foreign_model(
         gains: kp and kd of servos; the description's when None.
         gear: Of motors.
         lag: Time constant of the filters of actuators of one kind; none when 0, s.
+        delay: Delay of actuators and sensors, s.
     """
     robot = description.robot()
     spec = mujoco.MjSpec()
@@ -107,4 +109,6 @@ def foreign_model(
             second = spec.add_actuator(name=f"{name}_v", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             second.biastype = mujoco.mjtBias.mjBIAS_AFFINE
             second.gainprm[0], second.biasprm[2] = kd[i], -kd[i]
+    for late in (*spec.actuators, *spec.sensors) if delay > 0.0 else ():
+        late.delay, late.nsample = delay, 1 + round(delay / timestep)
     return spec.compile()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable
 from typing import Annotated, Protocol
 
@@ -15,6 +14,7 @@ from wbc.base.errors import InputError, check_parts, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
+from wbc.machine.clock import Clock
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 
 logger = logging.getLogger(__name__)
@@ -64,25 +64,26 @@ class RobotServer:
         *,
         watchdog: Annotated[Positive, "s"] = 0.015,
         band: Annotated[NonNegative, "s"] = 0.0,
+        clock: Clock | None = None,
     ) -> None:
         """Connect a simulated robot to a wire.
 
         Args:
-            loop: The robot.
+            loop: The simulated robot.
             wire: Robot's end of the wire.
             watchdog: Longest time for which a command acts, s; after it the joints are damped, from the beginning of
                 the control period in which the time ends.
             band: Time for which the robot hangs on an elastic band before it is lowered, s.
+            clock: Clock of the watchdog and of the periods; when None, that of this machine.
         """
         check_parts("a wire", wire, "receive", "send")
         self.loop, self._wire = loop, wire
-        self._watchdog, self._band = watchdog, band
+        self._watchdog, self._band, self._clock = watchdog, band, clock or Clock()
         if watchdog <= loop.control_period:
             raise InputError(
                 f"watchdog must be longer than the control period of the loop, {loop.control_period:g} s, "
                 f"got {watchdog:g} s"
             )
-        self._hung = np.zeros(6)  # force and moment of the band, N and Nm
         self.damped, self.silent, self.late = False, 0.0, 0
         self._rack: Command | None = loop.hold()
         self._command: Command | None = None
@@ -99,15 +100,13 @@ class RobotServer:
         Args:
             until: Function that is called in every period; the server ends when it returns True.
         """
-        period = self.loop.control_period
-        deadline = time.monotonic()
+        period, clock = self.loop.control_period, self._clock
+        deadline = clock.now()
         while not until():
-            left = deadline - time.monotonic()
-            if left > 0.0:
-                time.sleep(left)
-            elif left < -period:
+            if clock.now() > deadline + period:
                 self.late += 1
-                deadline = time.monotonic()
+                deadline = clock.now()
+            clock.sleep_until(deadline)
             self.step()
             deadline += period
 
@@ -115,19 +114,23 @@ class RobotServer:
         """Advance by one control period."""
         self._command = self._choose(*self._receive())
         self.damped = self._command is None
-        self._pull()
+        band, data = self._pull(), self.loop.data
+        data.xfrc_applied[self._root] += band  # beside other forces on the base, and for this period alone
         try:
             self.loop.step(self._sinking() if self._command is None else self._command)
         except InputError as error:  # a command for another period, which has not moved the robot
             logger.warning("%s: the joints are damped", error)
             self._command, self.damped = None, True
             self.loop.step(self._sinking())
+        finally:
+            if self.loop.diverged is None:  # what has diverged is without forces
+                data.xfrc_applied[self._root] -= band
         self._wire.send(self.loop.measure())
 
     def _receive(self) -> tuple[bool, Command | None]:
         """Return whether damping is asked for, or a bad command has come, and the newest command."""
         refused, command = self._wire.receive()
-        now = time.monotonic()
+        now = self._clock.now()
         try:
             if command is not None:
                 if not isinstance(command, Command):
@@ -153,13 +156,12 @@ class RobotServer:
         q: Array = self.loop.data.qpos[self.loop.places.joint_qpos]
         return Command(self._zero, q, self._zero, kp=self._zero, kd=DAMPING * self.loop.description.kd)
 
-    def _pull(self) -> None:
-        """Hold the robot with the band, let it down, release it."""
+    def _pull(self) -> Array:
+        """Return force and moment of the band, shape (6,), N and Nm: it holds the robot, lets it down, releases it."""
         force = np.zeros(6)
         past = self.loop.time - self._band
-        if self._band <= 0.0 or past > LOWERING + LETTING_GO:
-            self._hang(force)
-            return
+        if self._band <= 0.0 or past > LOWERING + LETTING_GO or self.loop.diverged is not None:
+            return force
         down = max(0.0, min(1.0, past / LOWERING)) * RAISED
         velocity = np.zeros(6)
         data, kind = self.loop.data, mujoco.mjtObj.mjOBJ_XBODY
@@ -172,9 +174,4 @@ class RobotServer:
         rotation = data.xmat[self._root].reshape(3, 3)
         tilt = np.cross(rotation[:, 2], [0.0, 0.0, 1.0])
         force[3:] = BAND_TILT * self._stiffness * tilt - BAND_TURN * self._damping * velocity[:3]
-        self._hang(fade * force)
-
-    def _hang(self, force: Array) -> None:
-        """Replace the force of the band, shape (6,), beside others on the base."""
-        self.loop.data.xfrc_applied[self._root] += force - self._hung
-        self._hung = force
+        return fade * force
