@@ -195,7 +195,7 @@ class _TrackMeter(TrialHook):
         self.joints.append(truth.q[7:] - source.configurations[i, 7:])
         self.com.append(truth.com[:2] - source.motion[i].pendulum.com[:2])
         for side in range(len(self._anchors)):
-            place = plant.sole_pose(side)[0]
+            place = plant.sole_poses[side][0]
             if felt[side, 2] < LOADED * self._weight:
                 self._anchors[side] = None
                 continue

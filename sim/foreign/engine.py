@@ -25,7 +25,7 @@ from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.plant.places import body_frame
-from wbc.sim.simulation.machine import Machine, SoleIndex, Step
+from wbc.sim.simulation.machine import Machine, Step
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise, SensorVector
 from wbc.sim.simulation.simulation import GroundTruth, Simulation, lowest_sole_point
 
@@ -153,11 +153,11 @@ class EngineLoop(Simulation):
     def contacts(self) -> EngineContacts:
         """Return the contacts of the physics step that has just ended."""
 
-    @checked
-    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
+    @property
+    def sole_poses(self) -> Sequence[tuple[Array, Array]]:
         """See `Simulation`."""
-        place = self._data.oMf[self._sole_frames[side]]
-        return place.translation.copy(), place.rotation.copy()
+        places = [self._data.oMf[frame] for frame in self._sole_frames]
+        return [(place.translation, place.rotation) for place in places]
 
     @property
     def command(self) -> Command:

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco, velocity_to_mujoco
 from wbc.core.robot import Robot
@@ -19,7 +18,7 @@ from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.grips import Grips, HandSensor
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu, MujocoSignals
-from wbc.sim.simulation.machine import Machine, SoleIndex, steps_per_tick
+from wbc.sim.simulation.machine import Machine, steps_per_tick
 from wbc.sim.simulation.sensors import SensorNoise
 from wbc.sim.simulation.simulation import GroundTruth, Simulation
 
@@ -99,7 +98,8 @@ class MujocoRobot(Simulation):
     @property
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
-        return np.asarray(self.data.qvel[self.places.joint_dof])
+        velocity: Array = self.data.qvel.take(self.places.joint_dof)
+        return velocity
 
     @property
     def joint_torque(self) -> Array:
@@ -107,12 +107,14 @@ class MujocoRobot(Simulation):
         torque: Array = self.data.qfrc_actuator.take(self.places.joint_dof)
         return torque
 
-    @checked
-    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
+    @property
+    def sole_poses(self) -> Sequence[tuple[Array, Array]]:
         """See `Simulation`."""
-        places, body = self.places, self.places.feet[side]
-        rotation, sole = self.data.xmat[body].reshape(3, 3), places.soles[side]
-        return self.data.xpos[body] + rotation @ sole.translation, rotation @ sole.rotation
+        data, poses = self.data, list[tuple[Array, Array]]()
+        for body, sole in zip(self.places.feet, self.places.soles, strict=True):
+            rotation = data.xmat[body].reshape(3, 3)
+            poses.append((data.xpos[body] + rotation @ sole.translation, rotation @ sole.rotation))
+        return poses
 
     def grip(self, hand: str, handle: str) -> None:
         """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.

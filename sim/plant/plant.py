@@ -41,7 +41,7 @@ from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
-from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
+from wbc.sim.simulation.machine import Machine, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 from wbc.sim.terrain.giving import GivingFloor, surfaces
 from wbc.sim.terrain.spec import Terrain
@@ -148,6 +148,8 @@ class Plant(MujocoRobot):
         )
         self.of_robot = places.of_robot
         self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)
+        places_of, turns_of = self.data.site_xpos, self.data.site_xmat  # the soles are live views of these
+        self._soles = tuple((places_of[site], turns_of[site].reshape(3, 3)) for site in self.sole_sites)
         self._loads = Loads(model)
         self._devices = FootDevices(model, self.feet, self.foot, range_sensor)
         self._drives = Drives(model, description)
@@ -248,11 +250,10 @@ class Plant(MujocoRobot):
                 q[2] -= surface.depth(self.model, data, mass * self.physics.gravity)
         return q
 
-    @checked
-    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
+    @property
+    def sole_poses(self) -> Sequence[tuple[Array, Array]]:
         """See `Simulation`."""
-        site = self.sole_sites[side]
-        return self.data.site_xpos[site], self.data.site_xmat[site].reshape(3, 3)
+        return self._soles
 
     def _foot_readings(self) -> tuple[Array, Array]:
         return self._late_feet[0] if self._late_feet else self._feet_now()

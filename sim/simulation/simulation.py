@@ -196,10 +196,16 @@ class Simulation(ABC):
         """Torques of the drives in the last physics step, shape (na,), Nm."""
         return self.truth().joint_torque
 
+    @property
     @abstractmethod
+    def sole_poses(self) -> Sequence[tuple[Array, Array]]:
+        """True centre, shape (3,), m, and rotation, shape (3, 3), of each sole, left first; for reading only."""
+
     @checked
     def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
-        """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
+        """Return a copy of the true centre, shape (3,), m, and rotation, shape (3, 3), of a sole, 0 left, 1 right."""
+        centre, rotation = self.sole_poses[side]
+        return centre.copy(), rotation.copy()
 
     def truth(self) -> GroundTruth:
         """Return the true state now, for logs, tests and pictures; the same object until the next step."""

@@ -65,5 +65,5 @@ class Arrival(TrialHook):
 
 def feet_middle(plant: Simulation) -> Array:
     """Return the middle between the true soles, shape (2,), m."""
-    left, right = plant.sole_pose(0)[0], plant.sole_pose(1)[0]
+    (left, _), (right, _) = plant.sole_poses
     return np.asarray(0.5 * (left[:2] + right[:2]))

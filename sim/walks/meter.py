@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
-from wbc.base.vectors import along
+from wbc.base.vectors import Point, along, largest
 from wbc.core.conventions import rotation_of
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
@@ -118,7 +118,9 @@ class WalkMeter(TrialHook):
         self._velocities: list[Array] = []  # of the joints, a sample
         self._places: list[Sequence[float]] = []  # of the base, a sample
         self._slip = 0.0
-        self._soles: list[tuple[Array, Array, Array] | None] = [None, None]
+        self._least = CARRIES * plant.robot.mass * GRAVITY  # N
+        # Centre of pressure of each sole that carries: over the sole, and in the world, x and y, m.
+        self._centres: list[tuple[Point, Point] | None] = [None, None]
         self._impact: float | None = None
         self._impact_until = -math.inf
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
@@ -157,24 +159,26 @@ class WalkMeter(TrialHook):
         if len(self._effort) % self._every == 0:
             self._velocities.append(velocity.copy())
             self._places.append(plant.base_pose[:2])
-        self._effort.append(float(share.max()))
+        self._effort.append(largest(share))
 
     def _record_slip(self, wrenches: list[list[float]]) -> None:
         """Add the way along the ground of the points of the soles at their centres of pressure, m."""
-        least = CARRIES * self._plant.robot.mass * GRAVITY
         for side, (_, _, force, roll, pitch, _) in enumerate(wrenches[:2]):
-            last, self._soles[side] = self._soles[side], None
-            if force < least:
+            last, self._centres[side] = self._centres[side], None
+            if force < self._least:
                 continue
-            centre, rotation = self._plant.sole_pose(side)
-            self._soles[side] = centre.copy(), rotation.copy(), np.array((-pitch, roll, 0.0)) / force
+            centre, rotation = self._plant.sole_poses[side]
+            (x, y, _), ((a, b, _), (c, d, _), _) = centre.tolist(), rotation.tolist()
+            u, v = -pitch / force, roll / force
+            self._centres[side] = (u, v), (x + a * u + b * v, y + c * u + d * v)
             if last is not None:
-                old, turned, point = last
-                x, y, _ = (centre - old + (rotation - turned) @ point).tolist()
+                (u, v), (old_x, old_y) = last
+                at_x, at_y = x + a * u + b * v, y + c * u + d * v
+                moved_x, moved_y = at_x - old_x, at_y - old_y
                 if self._areas:
-                    below = (centre + rotation @ point)[None]
-                    x -= float(at_places(self._areas, "speed", below, 0.0)[0]) * self._plant.control_period
-                way = math.hypot(x, y)
+                    belt = float(at_places(self._areas, "speed", np.array([[at_x, at_y]]), 0.0)[0])
+                    moved_x -= belt * self._plant.control_period
+                way = math.hypot(moved_x, moved_y)
                 self._slip += way if way > SLIDES * self._plant.control_period else 0.0
 
     def _record_errors(self, reference: Reference, output: StabilizerOutput) -> list[float]:
@@ -208,7 +212,7 @@ class WalkMeter(TrialHook):
     def _record_stance(self, progress: Progress, dcm_error: list[float] | None) -> None:
         """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
         plant, stance = self._plant, progress.stance
-        moment = _Moment(plant.time, progress, plant.sole_pose(stance)[1].copy(), dcm_error)
+        moment = _Moment(plant.time, progress, plant.sole_poses[stance][1].copy(), dcm_error)
         self._moments.append(moment)
         if progress.phase is not GaitPhase.SINGLE:
             return
@@ -221,7 +225,7 @@ class WalkMeter(TrialHook):
 
     def _contact_area(self, stance: int) -> float:
         """Return the area of the hull of the contacts of a sole, m²."""
-        truth, (centre, rotation) = self._plant.truth(), self._plant.sole_pose(stance)
+        truth, (centre, rotation) = self._plant.truth(), self._plant.sole_poses[stance]
         mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > MIN_FORCE)
         points = (truth.contact_position[mine] - centre) @ rotation
         return hull_and_area(points[:, :2])[1]

@@ -93,7 +93,7 @@ def walk(
     if isinstance(policy, str):
         values["policy"], policy = policy, None
     spec = kind(**over(values, below))
-    result: WalkResult = WalkTrial(spec, policy=policy).run(hooks)
+    result: WalkResult = WalkTrial(spec, policy=policy, visuals=bool(hooks)).run(hooks)
     return result
 
 
@@ -239,7 +239,8 @@ class WalkTrial(Trial[Any, WalkResult]):
 
 def _ground(plant: Simulation) -> float:
     """Return the height of the lower sole, m."""
-    return min(float(plant.sole_pose(0)[0][2]), float(plant.sole_pose(1)[0][2]))
+    (left, _), (right, _) = plant.sole_poses
+    return min(float(left[2]), float(right[2]))
 
 
 def _walking(

@@ -45,8 +45,9 @@ class Made:
         self.drives = SimpleNamespace(measurement=None)
         self.meter = WalkMeter(self, self)  # type: ignore[arg-type]
 
-    def sole_pose(self, side: int) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([1.0, 0.5 if side == 0 else -0.5, 0.3]) + self.slid, self.rotation
+    @property
+    def sole_poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        return [(np.array([1.0, y, 0.3]) + self.slid, self.rotation) for y in (0.5, -0.5)]
 
     def truth(self) -> Any:
         return SimpleNamespace(
@@ -175,7 +176,7 @@ def test_the_contact_area_is_taken_once_in_the_middle_of_each_single_support() -
     assert MIN_FORCE == 1.0
     made = Made()
     made.rotation = Rotation.from_euler("ZYX", [0.4, 0.3, -0.2]).as_matrix()
-    centre = {side: made.sole_pose(side)[0] for side in (0, 1)}
+    centre = {side: made.sole_poses[side][0] for side in (0, 1)}
 
     def rectangle(side: int, length: float, width: float, force: float) -> None:
         for x in (-0.5, 0.5):

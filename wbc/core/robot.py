@@ -394,8 +394,9 @@ class Robot:
 
     def torque_share(self, torque: Array) -> Array:
         """Return joint torques as shares of their limits in the same direction, shape (…, na), at least 0."""
-        limit = np.where(torque < 0.0, -self.torque_lower, self.torque_upper)
-        return np.asarray(abs(torque) / np.maximum(limit, TINY))
+        # With both limits off zero, one quotient is the share and the other one is not positive.
+        upper, lower = np.maximum(self.torque_upper, TINY), np.minimum(self.torque_lower, -TINY)
+        return np.asarray(np.maximum(torque / upper, torque / lower))
 
     def _compute_coupled(self) -> None:
         """Compute what `computeAllTerms` does, which refuses coupled joints."""
