@@ -203,6 +203,8 @@ def test_targets_are_of_the_kind_and_shape_of_the_task_and_not_of_one_that_is_he
     turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)).coeffs().tolist()
     controls.apply({"do": "target", "task": "hand", "target": [1.0, 2.0, 3.0, *turn]})
     assert pose.target.translation.tolist() == [1.0, 2.0, 3.0]
+    controls.apply({"do": "target", "task": "hand", "target": np.array([1.0, 2.0, 3.0, *turn])})
+    assert [entry["target"] for entry in json.loads(controls.news())] == [[1.0, 2.0, 3.0, *turn]] * 2
     np.testing.assert_allclose(pose.target.rotation, pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), atol=1e-12)
     assert target_of(SimpleNamespace(name="t", target=np.zeros((3, 3))), np.eye(3).tolist()).shape == (3, 3)
     held: Any = SimpleNamespace(name="hand", held_by="behaviour", target=np.zeros(3))

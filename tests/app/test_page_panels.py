@@ -225,23 +225,13 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
     assert room.removed and len(gizmos) == 2 * count + 1
 
 
-def test_the_page_moves_the_world_under_a_robot_that_it_follows_and_makes_it_thin() -> None:
+def test_the_page_moves_the_world_under_a_robot_that_it_follows() -> None:
     scene = ViserScene.__new__(ViserScene)
     scene._target, scene._root = np.array([1.0, -2.0, 0.9]), SimpleNamespace(position=None)
     scene.follow(True)
     assert scene._root.position == (-1.0, 2.0, 0.0)
     scene.follow(False)
     assert scene._root.position == (0.0, 0.0, 0.0) and not scene._follows
-    scene.meshes = [SimpleNamespace(body=body) for body in (0, 1)]  # type: ignore[misc]
-    ground, body = (SimpleNamespace(opacity=None) for _ in range(2))
-    scene._drawn, scene._colours = {0: ground, 1: body}, {1: (1.0, 0.0, 0.0, 0.3)}
-    scene.see_through(True)
-    assert (ground.opacity, body.opacity) == (None, 0.4)
-    scene.see_through(False)
-    assert body.opacity == 0.3, "its own"
-    scene._colours[1] = (1.0, 0.0, 0.0, 1.0)
-    scene.see_through(False)
-    assert body.opacity is None
     assert paint((0.0, 0.5, 1.0, 1.0)) == {"color": (0, 128, 255), "opacity": None}
     assert paint((0.0, 0.5, 1.0, 0.3))["opacity"] == 0.3
 

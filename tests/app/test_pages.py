@@ -136,6 +136,8 @@ def test_what_a_view_says_of_program_control_and_end() -> None:
     with pytest.raises(InputError, match="update"):
         Bare(plant, port=0).update(plant.robot)
     with pytest.raises(InputError, match="update"):
+        Bare(plant, port=0).update(measurement=plant.measure())
+    with pytest.raises(InputError, match="update"):
         Bare(HRP4, port=0).update()
 
 

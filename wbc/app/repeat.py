@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.reader import Log
-from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
+from wbc.app.view.controls import END, ORDERS, LiveControls
 from wbc.base.errors import InputError, shown
 from wbc.base.files import parsing, stamped_file
 from wbc.robots import load
@@ -39,10 +39,10 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
 
 def _checked(entry: Any) -> dict[str, Any]:
     """Return an intervention; `ValueError` for one that cannot be repeated."""
-    known = INTERVENTIONS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
+    known = ORDERS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
     if known is None:
-        raise ValueError(f"a recorded change must be one of {', '.join(INTERVENTIONS)}, got {shown(entry)}")
-    for name, kind in {"time": float, **known[1]}.items():
+        raise ValueError(f"a recorded change must be one of {', '.join(ORDERS)}, got {shown(entry)}")
+    for name, kind in {"time": float, **known.fields}.items():
         value = entry.get(name)
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         if not (number if kind is float else isinstance(value, kind)):

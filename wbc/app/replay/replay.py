@@ -25,7 +25,7 @@ from wbc.app.view.marks import (
     sole_force,
     walk_text,
 )
-from wbc.app.view.stage import DescribedStage, SimulatedStage
+from wbc.app.view.stage import DescribedStage, RunStage, SimulatedStage
 from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -69,7 +69,7 @@ class Replay:
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
-        stage: SimulatedStage | DescribedStage
+        stage: RunStage
         with decoding(log.path, "log that can be replayed"):
             self.plant = None if log.header.get("plant") is None else read_plant(dict(log.header))
             if self.plant is None:

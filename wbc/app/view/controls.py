@@ -1,13 +1,8 @@
 """Controls of a run: what its page, or a program that repeats it, may change.
 
-Pause and speed change only when things happen on the clock. Everything else is an order: orders are queued, carried out
-at a tick, and kept as interventions with their simulated time, which results and logs hold and which repeat the run.
-
-    push        a push on the torso, from the robot's front, back or sides
-    stop        the walk stops safely, with the present step
-    drive       velocity of a robot that is steered: forward, left and turn; a stand when no page is left
-    set         one of the `settings`: gains of the stabilizer, stiffness of variable soles, weights and gains of tasks
-    target      target of a task: a point, a rotation or a pose
+Pause and speed change only when things happen on the clock. Everything else is an order, of one of the `ORDERS`: orders
+are queued, carried out at a tick, and kept as interventions with their simulated time, which results and logs hold and
+which repeat the run.
 
 A footstep plan, gait, terrain and seed belong to another run; a run cannot go back in time: `wbc view` replays it.
 """
@@ -74,23 +69,6 @@ MAX_ORDERS = 16
 """Largest number of orders that wait for a tick; older ones are dropped."""
 
 
-END = "end"
-"""Intervention that ends a run: Ctrl-C."""
-
-INTERVENTIONS: dict[str, tuple[str, dict[str, type]]] = {
-    "push": ("pushed {direction} with {impulse:g} Ns/kg", {"direction": str, "impulse": float}),
-    "stop": ("told to stop", {}),
-    "drive": (
-        "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
-        {"forward": float, "left": float, "turn": float},
-    ),
-    "set": ("{name} set to {value:g}", {"name": str, "value": float}),
-    "target": ("target of task {task} moved", {"task": str, "target": list}),
-    END: ("ended", {}),
-}
-"""Kinds of interventions: text, and types of what is recorded of them beside their time."""
-
-
 class Setting(NamedTuple):
     """A number of a run that may be changed while it goes on."""
 
@@ -105,6 +83,9 @@ class LiveControls:
     """Controls of one run, which carry out orders; without a page they repeat the interventions of a former run.
 
     Attributes:
+        plant: Robot that is pushed; None without a simulation.
+        walking: Control that is driven and stopped; None for another one.
+        controller: Controller whose tasks are set; None without one.
         interventions: Changes of the run, each with its simulated time (s); empty if nobody changed it.
         message: Outcome of the last order, for the page.
         time: Simulated time of the last update, s.
@@ -119,7 +100,7 @@ class LiveControls:
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
         """Find the controls that the run has; interventions of a former one are carried out again at their times."""
-        self._plant, self._walking = plant, walking
+        self.plant, self.walking = plant, walking
         if controller is None and walking is not None and walking.drives is not None:
             controller = walking.drives.controller
         self.controller = controller
@@ -130,20 +111,11 @@ class LiveControls:
         self._reported, self.time = 0, 0.0
         self._ended = False
         self._docs = attribute_docs(StabilizerGains)
-        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
-        if controller is not None:
-            self._actions["target"] = partial(_aim, controller)
-        if plant is not None:
-            self._actions["push"] = partial(_push, plant)
-        if walking is not None:
-            self._actions["stop"] = partial(_stop, walking)
-            if walking.steered:
-                self._actions["drive"] = partial(_drive, walking)
 
     @property
     def settings(self) -> dict[str, Setting]:
         """Settings of the run by name; tasks come and go."""
-        walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
+        walking, foot = self.walking, self.plant.foot if isinstance(self.plant, Plant) else None
         found: list[Setting] = []
         stabilizer = getattr(walking, "stabilizer", None)
         if stabilizer is not None:
@@ -193,14 +165,15 @@ class LiveControls:
     @property
     def offered(self) -> set[str]:
         """Kinds of orders that the run takes."""
-        return {*self._actions}
+        return {name for name, kind in ORDERS.items() if kind.part(self) is not None}
 
     def apply(self, request: Any) -> None:
         """Carry out an order, {"do": name, …}, now; `message` says whether it was refused."""
         try:
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
                 raise InputError("a request must say what to do")
-            facts = self._actions[choose("request", request["do"], self._actions)](request)
+            kind = ORDERS[choose("request", request["do"], self.offered)]
+            facts = kind.carry_out(kind.part(self), request)
         except Exception as error:  # whatever a page asks for, the control loop goes on
             self.message = f"refused: {error}"
             if not isinstance(error, WbcError):
@@ -214,29 +187,14 @@ class LiveControls:
         self.interventions.append(entry)
         self.message = intervention_text(entry)
 
-    def _set(self, request: dict[str, Any]) -> dict[str, Any]:
-        settings, name = self.settings, str(request.get("name"))
-        value = finite_scalar(f"value of {name}", request.get("value"), low=0.0)
-        settings[choose("setting", name, settings)].take(value)
-        return {"name": name, "value": value}
-
     def halt(self) -> None:
         """Bring a robot that is driven from a page to a stand, because the last page has been closed."""
-        walking = self._walking
-        moves = "drive" in self._actions and walking is not None and any(walking.velocity or ())
+        moves = self.walking is not None and self.walking.steered and any(self.walking.velocity or ())
         if moves and any(entry["what"] == "drive" for entry in self.interventions):
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
 
 
-# ---- the orders: each returns what is recorded of it ----------------------------------------------------------------
-
-
-def _aim(controller: Controller, request: dict[str, Any]) -> dict[str, Any]:
-    task: Any = controller.task(str(request.get("task")))
-    if task.held_by is not None:
-        raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
-    task.target = target_of(task, request.get("target"))
-    return {"task": task.name, "target": request["target"]}
+# ---- the orders: each takes the part of the run that it changes, and returns what is recorded ----------------------
 
 
 def _push(plant: Simulation, request: dict[str, Any]) -> dict[str, Any]:
@@ -259,6 +217,68 @@ def _drive(walking: SteeredControl, request: dict[str, Any]) -> dict[str, Any]:
     }
     walking.velocity = (velocity["forward"], velocity["left"], velocity["turn"])
     return velocity
+
+
+def _set(settings: dict[str, Setting], request: dict[str, Any]) -> dict[str, Any]:
+    name = str(request.get("name"))
+    value = finite_scalar(f"value of {name}", request.get("value"), low=0.0)
+    settings[choose("setting", name, settings)].take(value)
+    return {"name": name, "value": value}
+
+
+def _aim(controller: Controller, request: dict[str, Any]) -> dict[str, Any]:
+    task: Any = controller.task(str(request.get("task")))
+    if task.held_by is not None:
+        raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
+    task.target = target_of(task, request.get("target"))
+    return {"task": task.name, "target": np.asarray(request["target"], dtype=float).tolist()}
+
+
+class Order(NamedTuple):
+    """Kind of order, which becomes an intervention.
+
+    Attributes:
+        text: Text of an intervention.
+        fields: Types of what is recorded of it beside its time.
+        part: Function that returns the part of a run that the order changes; None where the run has none.
+        carry_out: Function of part and order that carries it out and returns the fields.
+    """
+
+    text: str
+    fields: dict[str, type]
+    part: Callable[[LiveControls], Any]
+    carry_out: Callable[[Any, dict[str, Any]], dict[str, Any]]
+
+
+END = "end"
+"""Intervention that ends a run: Ctrl-C."""
+
+ORDERS = {
+    # A push on the torso, from the robot's front, back or sides
+    "push": Order(
+        "pushed {direction} with {impulse:g} Ns/kg",
+        {"direction": str, "impulse": float},
+        lambda run: run.plant,
+        _push,
+    ),
+    # The walk stops safely, with the present step
+    "stop": Order("told to stop", {}, lambda run: run.walking, _stop),
+    # Velocity of a robot that is steered; a stand when no page is left
+    "drive": Order(
+        "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
+        {"forward": float, "left": float, "turn": float},
+        lambda run: run.walking if run.walking is not None and run.walking.steered else None,
+        _drive,
+    ),
+    # One of the `settings`: gains of the stabilizer, stiffness of variable soles, weights and gains of tasks
+    "set": Order("{name} set to {value:g}", {"name": str, "value": float}, lambda run: run.settings, _set),
+    # Target of a task: a point, a rotation or a pose
+    "target": Order(
+        "target of task {task} moved", {"task": str, "target": list}, lambda run: run.controller, _aim
+    ),
+    END: Order("ended", {}, lambda run: None, _stop),
+}
+"""Kinds of orders by name; a new one is an entry here, and a control of the page that gives it (`workbench`)."""
 
 
 def _set_gain(stabilizer: Any, name: str, value: float) -> None:
@@ -295,4 +315,4 @@ def target_of(task: Any, value: Any) -> Any:
 
 def intervention_text(entry: dict[str, Any]) -> str:
     """Return an intervention as text."""
-    return f"{entry['time']:.2f} s: {INTERVENTIONS[entry['what']][0].format(**entry)}"
+    return f"{entry['time']:.2f} s: {ORDERS[entry['what']].text.format(**entry)}"

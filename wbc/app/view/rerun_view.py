@@ -88,15 +88,16 @@ class RerunView(View):
     Rerun's server is a process that ends with the view. The page keeps what it has got.
     """
 
+    _stream: Any = None  # of the present run
+
     def _open(self, port: int) -> None:
         try:
-            import rerun  # noqa: PLC0415 - an extra
-            import rerun_cli  # type: ignore[import-untyped]  # noqa: PLC0415
+            import rerun_cli  # type: ignore[import-untyped]  # noqa: PLC0415 - an extra
         except ImportError as missing:
             raise ViewError(
                 f'this view needs rerun ({missing}): pip install -e ".[rerun]" in the clone'
             ) from missing
-        data, self._stream = free_port(0), rerun.RecordingStream("wbc")
+        data = free_port(0)
         options = {"--bind": LOCAL, "--port": data, "--web-viewer-port": port, "--server-memory-limit": "1GB"}
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the server
         self._server = subprocess.Popen(
@@ -118,13 +119,17 @@ class RerunView(View):
                 self._end()
                 raise ViewError(f"Rerun's server has not started at port {port}")
             clock.sleep(0.05)
-        source = f"rerun+http://{LOCAL}:{data}/proxy"
-        self._stream.connect_grpc(source)
-        self.url = f"http://{LOCAL}:{port}/?url={quote(source, safe='')}"
+        self._source = f"rerun+http://{LOCAL}:{data}/proxy"
+        self.url = f"http://{LOCAL}:{port}/?url={quote(self._source, safe='')}"
 
     def _build(self) -> None:
+        import rerun  # noqa: PLC0415
         from rerun import blueprint  # noqa: PLC0415
 
+        if self._stream is not None:
+            self._stream.disconnect()
+        self._stream = rerun.RecordingStream("wbc")  # each run has a recording, the page shows the last one
+        self._stream.connect_grpc(self._source)
         self._scene, height = RerunScene(self.run.stage, self._stream), self.run.stage.scale.height
         eye = blueprint.EyeControls3D(position=height * EYE, look_target=height * LOOK_AT)
         views = (
@@ -147,7 +152,8 @@ class RerunView(View):
         return max(0, told.count(OPENED) - told.count(CLOSED) - 1)
 
     def _end(self) -> None:
-        self._stream.disconnect()
+        if self._stream is not None:
+            self._stream.disconnect()
         self._finalizer()
         self._told.close()
 

@@ -37,7 +37,7 @@ STATUS_LENGTH = 120
 
 
 class Stage(Protocol):
-    """Content of a view or film: bodies of a model in the state of its data, and sizes for marks and camera.
+    """Content of a page, film or file: bodies of a model in the state of its data, and sizes for marks and camera.
 
     Attributes:
         title: Name of the robot.
@@ -54,11 +54,35 @@ class Stage(Protocol):
     scale: Scale
 
 
+class RunStage(Stage, Protocol):
+    """Stage of a run: its present state is taken and made into a picture, or another one is shown.
+
+    Attributes:
+        plant: Robot in a simulation; None for a described one.
+        places: Places of the robot in the model.
+        soles: Bodies of each sole of variable stiffness; empty without them.
+    """
+
+    plant: MujocoRobot | None
+    places: RobotPlaces
+    soles: list[list[int]]
+
+    def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
+        """Take the state that is given, and what the soles measure; return its time, s. `View.update` says which."""
+
+    def show(self, q: Array) -> None:
+        """Put the bodies where they are in a configuration: MuJoCo's of a simulation, Pinocchio's of a description."""
+
+    def picture(self) -> Picture | None:
+        """Return the picture of the state that was taken last, with the forces on its soles; None before one was."""
+
+
 class SimulatedStage:
-    """Robot in a simulation, to which a live view writes nothing; see `Stage`."""
+    """Robot in a simulation, to which a live view writes nothing; see `RunStage`."""
 
     def __init__(self, robot: MujocoRobot, walking: WalkingControl | None) -> None:
-        self.robot, self._walking = robot, walking
+        self.plant: MujocoRobot | None = robot
+        self._robot, self._walking = robot, walking
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
         self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
@@ -68,20 +92,22 @@ class SimulatedStage:
         if isinstance(robot, Plant) and all(self.soles):
             self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
 
-    def take(self, state: object, read: object) -> float:
-        """Return the simulated time, s; `InputError` for a state, which a simulation has itself."""
-        if state is not None:
-            raise InputError("a view of a simulation reads its state itself: update() without a state")
-        return self.robot.time
+    def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
+        """See `RunStage`; `InputError` for what a simulation has itself."""
+        if state is not None or read is not None:
+            raise InputError(
+                "a view of a simulation reads its state itself: update() without state and measurement"
+            )
+        return self._robot.time
 
     def show(self, q: Array) -> None:
-        """Put all bodies where they are in positions of MuJoCo, shape (nq,): those of a log."""
+        """See `RunStage`."""
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self) -> Picture:
-        """Return the present picture."""
-        robot, truth, data = self.robot, self.robot.truth(), self.robot.data
+        """See `RunStage`."""
+        robot, truth, data = self._robot, self._robot.truth(), self.data
         position, force, sole = truth.contact_position, truth.contact_force, truth.contact_sole
         forces = []
         for i in range(len(robot.places.feet)):
@@ -111,23 +137,25 @@ class SimulatedStage:
 
 
 class DescribedStage:
-    """Robot whose states are given: an estimate, a plan, a real robot; see `Stage`."""
+    """Robot whose states are given: an estimate, a plan, a real robot; see `RunStage`."""
+
+    plant: MujocoRobot | None = None
 
     def __init__(self, description: RobotDescription) -> None:
-        self.robot, self.title = description.robot(), description.name
+        self._robot, self.title = description.robot(), description.name
         ground = terrain("flat")
-        self.model = drawing_model(description, self.robot, ground)
+        self.model = drawing_model(description, self._robot, ground)
         self.data = mujoco.MjData(self.model)
-        self.places, self.soles = RobotPlaces(self.model, self.robot), list[list[int]]()
+        self.places, self.soles = RobotPlaces(self.model, self._robot), list[list[int]]()
         self.floor = float(ground.surface.floor)
-        self.scale = Scale(float(self.robot.com[2]), self.robot.mass * GRAVITY)
+        self.scale = Scale(float(self._robot.com[2]), self._robot.mass * GRAVITY)
         self._state: Robot | Array | None = None
         self._read: Measurement | None = None
         self._time = 0.0
 
     def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
-        """Take a robot, or a configuration (nq,), and what its soles measure; return the time measured last, s."""
-        own = self.robot
+        """See `RunStage`: a robot, or a configuration (nq,); the time is that measured last."""
+        own = self._robot
         if state is None:
             raise InputError("a view of a description needs the state to show: update(robot)")
         if not isinstance(state, Robot):
@@ -139,13 +167,13 @@ class DescribedStage:
         return self._time
 
     def show(self, q: Array) -> None:
-        """Put the bodies where they are in a configuration, shape (nq,)."""
+        """See `RunStage`."""
         self.places.set_configuration(q, self.data.qpos)
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self) -> Picture | None:
-        """Return the picture of the state that was taken last, with the forces on its soles; None before one was."""
-        robot, state, read = self.robot, self._state, self._read
+        """See `RunStage`."""
+        robot, state, read = self._robot, self._state, self._read
         if state is None:
             return None
         if isinstance(state, Robot):
@@ -178,7 +206,7 @@ class ShownRun:
         ending: How the run has ended; empty before.
     """
 
-    stage: SimulatedStage | DescribedStage
+    stage: RunStage
 
     def __init__(
         self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None

@@ -81,7 +81,7 @@ class ViserScene(DrawnScene):
         """Begin among the nodes of a server, in the place of another scene."""
         super().__init__(stage)
         nodes.reset()
-        self._nodes, self._follows, self._target = nodes, True, np.zeros(3)
+        self._nodes, self._follows, self._transparent, self._target = nodes, True, False, np.zeros(3)
         self._root = nodes.add_frame(ROOT, show_axes=False)
         nodes.add_grid(f"{ROOT}/grid", 40.0, 40.0, position=(0.0, 0.0, stage.floor))
         self._frames = {body: nodes.add_frame(f"{ROOT}/body {body}", show_axes=False) for body in self.moving}
@@ -102,9 +102,9 @@ class ViserScene(DrawnScene):
 
     def see_through(self, on: bool) -> None:
         """Show all bodies that move as transparent, or as they are."""
-        for number, drawn in self._drawn.items():
-            if self.meshes[number].body > 0:
-                drawn.opacity = 0.4 if on else paint(self._colours[number])["opacity"]
+        self._transparent = on
+        for number in self._drawn:
+            self._paint(number, self._colours[number])
 
     def _move(self, body: int) -> None:
         frame, data = self._frames[body], self.stage.data
@@ -112,11 +112,12 @@ class ViserScene(DrawnScene):
 
     def _paint(self, number: int, colour: Colour) -> None:
         body, _, (vertices, faces) = self.meshes[number]
-        if number in self._drawn:
-            self._drawn[number].color = paint(colour)["color"]
+        look = paint(colour) | ({"opacity": 0.4} if self._transparent and body > 0 else {})
+        if (drawn := self._drawn.get(number)) is not None:
+            drawn.color, drawn.opacity = look.values()
         else:
             self._drawn[number] = self._nodes.add_mesh_simple(
-                f"{ROOT}/body {body}/{number}", vertices, faces, **paint(colour), cast_shadow=body > 0
+                f"{ROOT}/body {body}/{number}", vertices, faces, **look, cast_shadow=body > 0
             )
 
     def _show(self, mark: Mark) -> None:

@@ -19,7 +19,6 @@ import pinocchio as pin
 from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls, Setting
 from wbc.app.view.marks import Picture
-from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ROOT, SPEEDS, ViserPage, ViserPanel, text_html, when
 from wbc.tasks.behaviours import Program
 
@@ -49,9 +48,7 @@ class Workbench(View):
         self._attended_at = -math.inf  # clock when a page was open last, s
 
     def _build(self) -> None:
-        stage = self.run.stage
-        robot = stage.robot if isinstance(stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, self.run.steered, self.run.controller)
+        self.controls = LiveControls(self.run.stage.plant, self.run.steered, self.run.controller)
         with self._page.server.atomic():
             self._panel = ControlPanel(self._page, self)
 
