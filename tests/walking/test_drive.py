@@ -402,6 +402,17 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 
 
+def test_a_planner_whose_order_is_an_array_is_refused_with_what_an_order_is() -> None:
+    stage = Stage()
+    stage.steer((0.15, 0.0, 0.0))
+    stage.run(5.0)
+    own = Own(lambda now: walk_distance(now.start, 0.2, first=now.first or "left"))
+    own.order = np.array([0.2, 0.0])  # type: ignore[assignment]
+    stage.follow(own)
+    stage.run(5.0)
+    assert stage.walk.finished and "hashable value" in stage.source.reason
+
+
 @given(
     st.sampled_from(["hrp4_class", "talos", "g1"]),
     st.sampled_from([None, "left", "right"]),

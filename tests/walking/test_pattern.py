@@ -297,3 +297,16 @@ def test_the_strip_between_two_feet_is_as_wide_as_the_narrower_way_through_their
     assert axis == pytest.approx(complex(np.cos(yaw), np.sin(yaw))) and (centre, half) == pytest.approx(
         (0.3 + 0.2j, 0.07 + 0.028j)
     )
+
+
+def test_a_preview_that_is_not_solved_keeps_the_reference_is_counted_and_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    preview = PreviewController(SIZES, HEIGHT)
+    # Numbers that no solver tells apart.
+    far = [pushed(REST, np.array([sign * 1e20, 0.0])) for sign in (1, -1)]
+    begin = {preview.plan(WALK, state).dcm_at(0.0) for state in far}
+    assert len(begin) == 1 and abs(begin.pop()) < 1.0 and preview.unsolved == 2
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    preview.plan(WALK, pushed(REST, np.array([1.0, 0.0])))
+    assert preview.unsolved == 2, "a DCM out of reach is met as well as it can be"

@@ -344,11 +344,35 @@ def test_as_many_steps_of_a_planner_are_checked_as_it_asks_for() -> None:
     edge = (-1.0, plan.steps[0].x + 0.01, -1.0, 1.0)
     with pytest.raises(InputError, match="leaves the ground"):
         next_steps(Fixed(plan, 0), now, edge)
+    together = now._replace(start=replace(now.start, left=replace(now.start.left, y=-0.05)))  # soles overlap
+    assert next_steps(Fixed(plan, 0), together, (-1.0, 2.0, -1.0, 1.0)) is plan, "the ground alone is checked"
     assert next_steps(Fixed(feet_at(3.0), None), now).steps == ()
     # Steps begin where the feet are, not where the planner has them.
     shifted = Standing(feet_at(-0.5), "left", 0, False, 0.0, REACH)
     with pytest.raises(InputError, match="step 1"):
         next_steps(Fixed(plan, None), shifted)
+
+
+@pytest.mark.parametrize("to_check", [None, 1, 0])
+def test_a_sole_that_leaves_the_ground_is_refused_whether_the_reach_of_the_legs_is_known_or_not(
+    to_check: int | None,
+) -> None:
+    """Of unknown legs the centres of the soles are on the ground: 120 mm further than whole soles."""
+    plan = walk_distance(feet_at(0.0), 0.145)
+    x, length = plan.steps[0].x, REACH.soles[0][0]
+    for reach, room in ((REACH, 0.5 * length), (None, 0.0)):
+        now = Standing(feet_at(0.0), "left", 0, False, 0.0, reach)
+        for high, good in ((x + room + 1e-6, True), (x + room - 1e-6, False)):
+            ground = (-1.0, high, -1.0, 1.0)
+            if good:
+                assert next_steps(Fixed(plan, to_check), now, ground) is plan
+                continue
+            with pytest.raises(InputError, match="step 1 leaves the ground"):
+                next_steps(Fixed(plan, to_check), now, ground)
+    far, long = (-1.0, 0.4, -1.0, 1.0), PlanSource(walk_distance(feet_at(0.0), 1.0))
+    long.begin(None, far)
+    with pytest.raises(InputError, match="leaves the ground"):
+        long.footsteps(Standing(feet_at(0.0), "left", 0, False, 0.0))
 
 
 @pytest.mark.parametrize("rise", [0.1, -0.1])

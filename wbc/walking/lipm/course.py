@@ -21,15 +21,15 @@ class PlannedCourse:
     """Planned motion of the pendulum of one walk.
 
     Attributes:
-        preview: Preview control, which plans the pattern.
+        preview: Preview control, which plans the next pattern; set another one, of the same height, at any time.
         pattern: Pattern of the steps as they are.
         since: Time since it was planned, s.
     """
 
     def __init__(self, phases: PlanPhases, preview: PreviewController, start: Pendulum) -> None:
         """Stand at rest."""
-        self._phases, self.preview, self._omega = phases, preview, preview.omega
-        self._off = Follower(1.0 / self._omega, 0j)  # of the reference of the CoM from the pattern, m
+        self._phases, self.preview = phases, preview
+        self._off = Follower(1.0 / preview.omega, 0j)  # of the reference of the CoM from the pattern, m
         self.pattern: Pattern = preview.plan(phases.supports(), start)
         self.since = 0.0
 
@@ -40,7 +40,7 @@ class PlannedCourse:
 
     def plan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
-        steps = math.ceil(FELT / (self._omega * self._phases.gait.cycle))
+        steps = math.ceil(FELT / (self.preview.omega * self._phases.gait.cycle))
         before = self.pattern.at(self.since)
         self.pattern, self.since = self.preview.plan(self._phases.supports(steps), before), 0.0
         now = self.pattern.at(0.0)
@@ -55,7 +55,7 @@ class PlannedCourse:
         ZMP is that of the pattern.
         """
         pendulum, off = self.pattern.at(self.since), self._off
-        if abs(off.value) + abs(off.velocity) / self._omega < ROUNDING:
+        if abs(off.value) + abs(off.velocity) / self.preview.omega < ROUNDING:
             return pendulum
         ways = [np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)]
         return pendulum.moved(*ways)._replace(zmp=pendulum.zmp)

@@ -22,6 +22,7 @@ of the analytic plan.
 from __future__ import annotations
 
 import cmath
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import field
@@ -38,6 +39,8 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.pattern import Pattern, dcm_backwards
 from wbc.walking.lipm.schedule import HeightProfile, SupportPhase, ZmpTarget, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
+
+logger = logging.getLogger(__name__)
 
 SUPPORTS, PARTS, INTERVAL, REST = 8, (4, 2), 0.1, 0.5
 """Supports after the present one whose ends are knots, of four steps; greatest numbers of parts of the present and of
@@ -65,12 +68,16 @@ Area = tuple[complex, complex, complex]
 
 
 class PreviewController:
-    """Planner of the pendulum over a horizon."""
+    """Planner of the pendulum over a horizon.
+
+    Attributes:
+        unsolved: Number of plans that keep their reference, because the QP was not solved; the first one is logged.
+    """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
-        self.height, self.omega = height, natural_frequency(height)
+        self.height, self.omega, self.unsolved = height, natural_frequency(height), 0
         self._room = {}
         for side, (length, width) in zip(SIDES, sizes, strict=True):
             if 2.0 * s.margin >= min(length, width):
@@ -152,6 +159,12 @@ class PreviewController:
         solved, _, flag, _ = daqp.solve(
             hessian, gradient, np.zeros((0, 2 * free)), high, low, np.zeros(2 * free, np.int32)
         )
-        shifts = solved.view(complex) if flag > 0 else np.zeros(free, complex)
-        for k, shift in enumerate((shifts * axes).tolist(), start=1):
+        if flag <= 0:
+            if not self.unsolved:
+                logger.warning(
+                    "a preview was not solved (DAQP: %d): the plan does not begin with the DCM", flag
+                )
+            self.unsolved += 1
+            return
+        for k, shift in enumerate((solved.view(complex) * axes).tolist(), start=1):
             points[k] += shift

@@ -39,6 +39,7 @@ from wbc.walking.plans.sources import (
     REPLAN,
     DriveSettings,
     FootstepSource,
+    PlannerError,
     PlanSource,
     Standing,
     Velocity,
@@ -72,8 +73,14 @@ class Planning:
         self._asked = planner, planner.order
 
     def is_noted(self, planner: FootstepSource) -> bool:
-        """Return True if the last plan is that of a planner by its present order."""
-        return self._asked == (planner, planner.order)
+        """Return True if the last plan is that of a planner by its present order.
+
+        A planner of the user's own whose order fails, or is not to be compared, is asked anew, and refused where it is.
+        """
+        try:
+            return self._asked == (planner, planner.order)
+        except Exception:
+            return False
 
     def start_if_due(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
         """Return True if it is time to plan, s, which then counts as done; on both feet it is once a foot has swung."""
@@ -222,9 +229,10 @@ class LipmWalk(ReferenceSource):
         swings, (left, right) = self.phases.swing is not None, feet
         start, begun = FootstepPlan(left, right, (), self._gait), self.steps_done + swings
         now = Standing(start, self.phases.next_side, begun, swings, self.time, self.reach)
-        answer = answer_of(planner, now, self.steering.extent, self.dt)
-        if isinstance(answer, str):
-            self.reason = answer
+        try:
+            answer = answer_of(planner, now, self.steering.extent, self.dt)
+        except PlannerError as error:
+            self.reason = str(error)
             return None
         return replace(answer, steps=answer.steps[:AHEAD])
 

@@ -325,13 +325,26 @@ def sized(gait: Gait, robot: Robot) -> Gait:
 
 @checked
 def check_plan(
-    plan: FootstepPlan, reach: Reach, extent: Extent | None = None, *, effort: bool = True, first: Index = 0
+    plan: FootstepPlan,
+    reach: Reach | None,
+    extent: Extent | None = None,
+    *,
+    effort: bool = True,
+    first: Index = 0,
 ) -> None:
     """Raise an `InputError` unless legs of a reach walk a plan on a ground of an extent, m; None is endless.
 
-    Without `effort` the speeds and torques that its swings need are not checked: those of a plan that was accepted are
-    the same from a place beside it. The `first` steps, and with them the feet at the start, may be left out.
+    Of legs whose reach is unknown, None, the ground alone is checked, under the centres of the soles. Without `effort`
+    the speeds and torques that its swings need are not checked: those of a plan that was accepted are the same from a
+    place beside it. The `first` steps, and with them the feet at the start, may be left out.
     """
+    if reach is not None:
+        _check_legs(plan, reach, first, effort=effort)
+    if extent is not None:
+        check_extent(plan, reach, extent, first)
+
+
+def _check_legs(plan: FootstepPlan, reach: Reach, first: int, *, effort: bool) -> None:
     gait = plan.gait.full.for_stairs() if plan.climbs else plan.gait.full
     height = gait.swing_height
     if height > reach.max_swing_height + ROUNDING:
@@ -351,8 +364,6 @@ def check_plan(
         _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), reach)
         if effort:
             _check_effort(plan, i, gait, reach)
-    if extent is not None:
-        _check_extent(plan, reach, extent, first)
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
@@ -398,12 +409,16 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, reach: Reach) -> None:
         )
 
 
-def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent, first: int) -> None:
-    low, high = np.subtract(extent[::2], ROUNDING), np.add(extent[1::2], ROUNDING)
+def check_extent(plan: FootstepPlan, reach: Reach | None, extent: Extent, first: int = 0) -> None:
+    """Raise an `InputError` for a sole of a plan, or, without a reach, its centre, beyond a ground of an extent, m."""
+    low_x, high_x, low_y, high_y = extent
+    soles = ((0.0, 0.0), (0.0, 0.0)) if reach is None else reach.soles
     start = () if first else ((-1, plan.left), (-1, plan.right))
     for i, step in (*start, *enumerate(plan.steps[first:], first)):
-        corners = reach.corners(step)
-        if ((corners < low) | (corners > high)).any():
+        length, width = soles[SIDES.index(step.side)]
+        c, s = abs(math.cos(step.yaw)), abs(math.sin(step.yaw))
+        x, y = 0.5 * (c * length + s * width) - ROUNDING, 0.5 * (s * length + c * width) - ROUNDING
+        if not (low_x + x <= step.x <= high_x - x and low_y + y <= step.y <= high_y - y):
             which = f"the {step.side} foot at the start" if i < 0 else f"step {i + 1}"
             raise InputError(
                 f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it {over(extent)}"

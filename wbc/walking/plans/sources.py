@@ -9,16 +9,16 @@ from __future__ import annotations
 import logging
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, other
-from wbc.walking.plans.reach import Extent, Reach, check_plan
+from wbc.walking.plans.reach import Extent, Reach, check_extent, check_plan
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +37,10 @@ motion now (`wbc.walking.lipm.course.FELT` is the time of 34 steps of the quicke
 BESIDE, MORE = 0.25, 6
 """Distance of a foot from its last place in a plan, over the longest step, from which a robot that was pushed takes a
 further step; greatest number of these."""
+
+
+class PlannerError(WbcError):
+    """A planner that fails, or whose footsteps are refused."""
 
 
 class VelocityLimits(NamedTuple):
@@ -93,15 +97,16 @@ class FootstepSource(ABC):
     """Planner of footsteps that is asked while the robot walks; one of your own writes `footsteps`.
 
     Attributes:
-        order: What the user asks of the planner; where it changes, steps are asked for anew while a foot is in the air,
-            too.
+        order: What the user asks of the planner, as a hashable value such as a tuple of numbers; where it changes,
+            steps are asked for anew while a foot is in the air, too.
         granted: Velocity of the present plan; None for the mean of its next two steps.
         pace: Speed of the gait (`SPEEDS`), m/s.
-        to_check: Number of steps of the next answer that are checked against the reach of the legs; None for all, 0 for
-            a planner whose steps are within reach by construction.
+        to_check: Number of steps of the next answer that are checked against the reach of the legs and the extent of
+            the ground; None for all, 0 for a planner whose steps are within reach by construction, and which are
+            checked against the extent alone.
     """
 
-    order: object = None
+    order: Hashable = None
     granted: Velocity | None = None
     pace = 0.0
     to_check: int | None = None
@@ -145,8 +150,6 @@ class PlanSource(FootstepSource):
         The next answer refuses a plan that fails.
         """
         self.plan, self._begun, self._refusal = self._given, None, None
-        if reach is None:
-            return
         try:
             check_plan(self.plan, reach, extent, first=2)
         except InputError as error:
@@ -211,9 +214,16 @@ class PlanSource(FootstepSource):
 def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
     """Return what a planner answers.
 
-    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
+    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground,
+    and for an order that is not hashable: it is compared in the ticks to come.
     """
-    to_check, plan = planner.to_check, planner.footsteps(now)
+    to_check, plan, order = planner.to_check, planner.footsteps(now), planner.order
+    try:
+        hash(order)
+    except TypeError:
+        raise InputError(
+            f"the order of a planner is a hashable value, such as a tuple of numbers, got {shown(order)}"
+        ) from None
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
@@ -222,18 +232,19 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
         raise InputError(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
         )
-    if now.reach is not None and (to_check != 0 or extent is not None):
-        steps = plan.steps[: to_check or None]
-        checked = replace(plan, left=now.start.left, right=now.start.right, steps=steps)
+    checked = replace(plan, left=now.start.left, right=now.start.right, steps=plan.steps[: to_check or None])
+    if to_check != 0:
         check_plan(checked, now.reach, extent, effort=to_check is None)
+    elif extent is not None:
+        check_extent(checked, now.reach, extent)
     return plan
 
 
-def answer_of(planner: FootstepSource, now: Standing, extent: Extent | None, dt: float) -> FootstepPlan | str:
+def answer_of(planner: FootstepSource, now: Standing, extent: Extent | None, dt: float) -> FootstepPlan:
     """Return a planner's steps from where the feet stand, with timings in whole periods of a time, s.
 
-    The answer is the reason why there are none, which is logged, where the planner fails or asks for a step out of
-    reach. The planner sees the feet level.
+    A `PlannerError`, which is logged, where the planner fails or asks for a step out of reach. The planner sees the
+    feet level.
     """
     left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in (now.start.left, now.start.right))
     try:
@@ -244,7 +255,7 @@ def answer_of(planner: FootstepSource, now: Standing, extent: Extent | None, dt:
         reason = str(error) if ours else f"{type(error).__name__}: {error}"
         trace = None if ours else error
         logger.warning("footsteps refused (%s); the robot comes to a stand", reason, exc_info=trace)
-        return reason
+        raise PlannerError(reason) from error
 
 
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:

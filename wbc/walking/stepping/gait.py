@@ -33,7 +33,15 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
-from wbc.walking.plans.sources import REPLAN, FootstepSource, PlanSource, Standing, Velocity, answer_of
+from wbc.walking.plans.sources import (
+    REPLAN,
+    FootstepSource,
+    PlannerError,
+    PlanSource,
+    Standing,
+    Velocity,
+    answer_of,
+)
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import HeightCourse
@@ -382,12 +390,14 @@ class SteppingWalk(ReferenceSource):
             left, right = (Footstep.of(*foot) for foot in zip(SIDES, self.felt.frames, strict=True))
             start = FootstepPlan(left, right, (), self._gait)
             now = Standing(start, first, self.steps_done, False, self.time, self.reach)
-            plan = answer_of(self.planner, now, self._extent, self.dt)
             self._next = self.time + REPLAN
-            if isinstance(plan, str):
+            try:
+                plan = answer_of(self.planner, now, self._extent, self.dt)
+            except PlannerError as error:
                 self.take(None)
-                self.reason = plan
-            elif first is None and not plan.steps and isinstance(self.planner, PlanSource):
+                self.reason = str(error)
+                return
+            if first is None and not plan.steps and isinstance(self.planner, PlanSource):
                 self.take(None)
             else:
                 self.footsteps, self._idle = plan.steps, not plan.steps
