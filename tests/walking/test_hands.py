@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from standing_hands import AHEAD, DOWN, feel, held_hand, measure, standing, turned, wrench_at
+from standing_hands import AHEAD, DOWN, feel, held_hand, hold, measure, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.frames import heading
 from wbc.core.limits.joint import TorqueLimits
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.trajectories import Follower
 from wbc.robots import load
 from wbc.sim import (
@@ -38,6 +38,7 @@ from wbc.walking.hands.frames import FEET, FOLLOW, TargetFrames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.source import Progress, Reference
 from wbc.walking.swing import FootMotion
 
@@ -345,8 +346,8 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     soles = [walking.controller.robot.placement(sole.frame) for sole in walking.controller.robot.soles]
     middle = 0.5 * (soles[0].translation + soles[1].translation)
     np.testing.assert_allclose(start.translation, middle, atol=1e-12)
-    frames.follow(False, (), 3.0, dt)
     walking.controller.robot.update(turned(walking, 3.0), np.zeros(walking.controller.robot.nv))
+    frames.begin(FEET)
     start, feet = frames.now(FEET)[0], feet_at(walking, step)
     for _ in range(3000):
         before = frames.now(FEET)
@@ -368,6 +369,7 @@ def test_the_frame_of_feet_that_move_at_a_constant_speed_stays_in_their_middle()
     walking, _ = standing()
     frames, dt, speed = TargetFrames(walking.controller), 1e-3, np.array((0.3, -0.1, 0.0))
     start = frames.now(FEET)[0].translation.copy()
+    frames.begin(FEET)
     for tick in range(1, 4001):
         frames.follow(True, feet_at(walking, tick * dt * speed), 0.0, dt)
     place, velocity, _ = frames.now(FEET)
@@ -375,9 +377,44 @@ def test_the_frame_of_feet_that_move_at_a_constant_speed_stays_in_their_middle()
     np.testing.assert_allclose(velocity[:3], speed, atol=1e-3)
 
 
+@pytest.mark.parametrize(("told", "beyond"), [(False, 0.84 * FOLLOW), (True, 0.0)])
+def test_the_frame_of_feet_that_stop_at_the_end_of_their_footsteps_does_not_run_on(
+    told: bool, beyond: float
+) -> None:
+    """Feet slide to their places at a constant speed. Untold, the frame runs on by the most of (t + t²/T) exp(−t/T)."""
+    walking, _ = standing()
+    frames, dt, speed = TargetFrames(walking.controller), 1e-3, 0.3
+    frames.begin(FEET)
+    start, end = frames.now(FEET)[0].translation[0], feet_at(walking, np.array((1.2, 0.0, 0.0)))
+    steps = [Footstep(side, *foot.placement.translation[:2]) for side, foot in zip(SIDES, end, strict=True)]
+    ahead, places = np.array((1.0, 0.0, 0.0)), []
+    for tick in range(1, 8001):
+        feet = feet_at(walking, min(tick * dt * speed, 1.2) * ahead)
+        frames.follow(True, feet, 0.0, dt, steps if told else None)
+        places.append(frames.now(FEET)[0].translation[0] - start)
+    assert max(places) == pytest.approx(1.2 + beyond * speed, abs=1e-3)
+    assert places[-1] == pytest.approx(1.2, abs=1e-3)
+    np.testing.assert_allclose(places[2500:3400], 1e-3 * speed * np.arange(2501, 3401), atol=1e-3)
+
+
+def test_a_question_for_the_place_of_a_frame_changes_nothing() -> None:
+    """The frame of the feet begins with the order of a hand: where the robot is then, not where it was asked for."""
+    walking, _ = standing()
+    robot, frames = walking.controller.robot, TargetFrames(walking.controller)
+    start = frames.now(FEET)[0].copy()
+    robot.update(turned(walking, 0.5), np.zeros(robot.nv))
+    assert not frames.now(FEET)[0].isApprox(start)
+    fresh = TargetFrames(walking.controller)
+    for each in (frames, fresh):
+        each.begin(FEET)
+    for asked, unasked in zip(frames.now(FEET), fresh.now(FEET), strict=True):
+        np.testing.assert_array_equal(np.array(asked), np.array(unasked))
+
+
 def test_a_foot_that_swings_does_not_raise_the_frame_of_the_feet() -> None:
     walking, _ = standing()
     frames = TargetFrames(walking.controller)
+    frames.begin(FEET)
     start = frames.now(FEET)[0].translation.copy()
     left, right = (motion.placement.copy() for motion in feet_at(walking, np.zeros(3)))
     left.translation += (0.2, 0.0, 0.15)
@@ -429,11 +466,39 @@ def test_feet_that_slip_are_noticed_while_a_hand_is_used() -> None:
 def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
     hands, hand, tick = held_hand(20.0, ramp=0.1)
     hands.press("left_hand", 12.0, (3.0, 0.0, -4.0), firm=True)
-    np.testing.assert_allclose(hand.direction, (0.6, 0.0, -0.8))
-    np.testing.assert_allclose(hand.contact.normal, (-0.6, 0.0, 0.8))
+    angles = []
     for _ in range(25):
+        x, y, z = hand.direction
+        assert y == 0.0
+        angles.append(np.arctan2(-z, x))
+        np.testing.assert_allclose(hand.contact.normal, -hand.direction, atol=1e-12)
         tick(np.inf)
     assert hand.state is HandState.HOLD and hand.force.total == pytest.approx(12.0)
+    np.testing.assert_allclose(hand.direction, (0.6, 0.0, -0.8))
+    turn, fastest = np.arctan2(0.8, 0.6), 15.0 / 8.0 * 0.005 / 0.1  # of a minimum jerk in a tick
+    assert angles[0] == 0.0 and np.diff(angles).min() >= 0.0
+    assert np.diff(angles).max() == pytest.approx(turn * fastest, rel=0.01), (
+        "it turns with the ramp of the force"
+    )
+
+
+def test_a_force_that_another_hand_opposes_is_no_room_for_a_loss() -> None:
+    """Two hands at the same height press ahead and back: the loss of each one leaves the other one."""
+    walking, hands = standing(margin=0.0)
+    robot, height = walking.controller.robot, 1.0
+    most = robot.mass * GRAVITY * 0.5 * robot.soles[0].length / height
+    hands.press("left_hand", 0.9 * most, AHEAD, at=(0.3, 0.2, height))
+    for firm in (False, True):
+        order = "right_hand", 1.1 * most, (-1.0, 0.0, 0.0)
+        if not firm:
+            with pytest.raises(
+                InputError, match=f"at most {most:.0f} N .* by {1.1 * 500 * robot.soles[0].length:.0f} mm"
+            ):
+                hands.press(*order, at=(0.3, -0.2, height))
+        else:  # both press on one thing, and lose it together
+            hands.press(*order, at=(0.3, -0.2, height), firm=True)
+    hands.press("right_hand", 0.99 * most, (-1.0, 0.0, 0.0), at=(0.3, -0.2, height))
+    assert hands.all["right_hand"].state is HandState.REACH
 
 
 def test_a_hand_that_is_told_in_every_tick_to_let_go_lets_go_as_soon_as_one_that_is_told_once() -> None:
@@ -450,3 +515,59 @@ def test_a_hand_that_is_told_in_every_tick_to_let_go_lets_go_as_soon_as_one_that
         return count
 
     assert ticks(again=True) == ticks(again=False)
+
+
+ORDERS: dict[str, Callable[[WalkingControl], None]] = {
+    "press": lambda w: w.hands.press("left_hand", 10.0, DOWN, at=(0.3, 0.25, 0.7), firm=True),
+    "press from here": lambda w: w.hands.press("left_hand", 10.0, DOWN, firm=True),
+    "grip": lambda w: w.hands.grip("left_hand", (0.4, 0.25, 0.9), AHEAD, 5.0),
+    "release": lambda w: w.hands.release("left_hand"),
+    "reach": lambda w: w.arms["left_hand"].reach((0.3, 0.3, 0.9)),
+    "reach on a trajectory": lambda w: w.arms["left_hand"].reach((0.3, 0.3, 0.9), "feet", duration=0.5),
+    "release of an arm": lambda w: w.arms["left_hand"].release(),
+    "another force": lambda w: w.hands.press("left_hand", 20.0, (0.1, 0.0, -1.0), firm=True),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_an_order_does_the_same_told_in_every_tick_and_once_more_after_a_release(order: str) -> None:
+    """All that a hand does is the same to the last bit: on a surface that gives what is asked of it."""
+
+    def told(ticks: int, *, again: bool = False) -> list[Any]:
+        walking, hands = standing(reach_time=0.3, ramp=0.2)
+        hand, feet, done = hands.all["left_hand"], feet_at(walking, np.zeros(3)), []
+
+        def tick() -> None:
+            holds, searches = (hand.state is state for state in (HandState.HOLD, HandState.APPROACH))
+            feel(hand, -(hand.force.total if holds else 5.0 * searches) * hand.direction)
+            walking.arms.update(feet, 0.0)
+            target = hand.arm.task.target
+            places = *target.translation, *target.rotation.ravel(), *hand.direction
+            done.append((hand.state, *places, *hand.arm.task.scale, hand.force.total, hand.ordered))
+
+        for _ in range(1 + again):
+            done.clear()
+            if order in ("release", "another force"):
+                hold(hands, "left_hand", DOWN, 10.0)
+            if order == "release of an arm":
+                ORDERS["reach"](walking)
+            for count in range(200):
+                if count < ticks:
+                    ORDERS[order](walking)
+                tick()
+            if again:
+                seen = done.copy()
+                hands.release("left_hand")
+                for _ in range(50):
+                    tick()
+                if hand.arm.target is not None:
+                    hand.arm.release()
+                for _ in range(100):
+                    tick()
+        return seen if again else done
+
+    once = told(1)
+    assert told(200) == once
+    np.testing.assert_allclose(
+        [row[1:] for row in told(1, again=True)], [row[1:] for row in once], atol=1e-12
+    )

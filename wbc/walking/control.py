@@ -258,7 +258,7 @@ class WalkingControl(SteeredControl):
             output = balance.update(reference, self.reference, state, outside)
             lean = balance.leaning
         self.reference = reference
-        self.arms.update(reference.feet, progress.heading, progress.fast_share)
+        self.arms.update(reference.feet, progress.heading, progress.fast_share, self.source.remaining)
         if body.active:
             lean, twist = body.leaned(lean, progress.heading), body.twist
         self.tasks.follow(reference, lean, twist, output)

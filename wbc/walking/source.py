@@ -164,6 +164,11 @@ class ReferenceSource(ABC):
     # ---- what is asked for ------------------------------------------------------------------------------------------
 
     @property
+    def remaining(self) -> Sequence[Footstep] | None:
+        """Footsteps from the one that swings on, after which the robot stands; None where it walks on, or unknown."""
+        return None
+
+    @property
     def granted(self) -> Velocity:
         """Velocity of the present steps: forward (m/s), to the left (m/s) and turn (rad/s)."""
         return AT_REST

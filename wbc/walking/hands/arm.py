@@ -112,6 +112,7 @@ class Arm:
         self.task.scale = 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
+        self._order: tuple[object, ...] = ()  # of `reach`, which the hand carries out
         self.within = WORLD
         self._way = HandWay(settings.speed, settings.acceleration, self._dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
@@ -256,7 +257,7 @@ class Arm:
         """Go to a target and stay there, from the next tick on.
 
         The hand goes as fast as the settings let it; with a duration or a speed on a minimum jerk trajectory, which
-        waits, as the reference always does, for a hand that cannot follow.
+        waits, as the reference always does, for a hand that cannot follow. The same order once more changes nothing.
 
         Args:
             target: Point, shape (3,), m, or pose of the hand.
@@ -283,7 +284,15 @@ class Arm:
         if acceleration is not None and not timed:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        self.send(Route([goal], frame, turn, [limits] if timed else ()), led=False)
+        order = (
+            goal.homogeneous.tolist(),
+            frame,
+            turn,
+            [np.asarray(limit).tolist() for limit in limits.values()],
+        )
+        if order != self._order:
+            self.send(Route([goal], frame, turn, [limits] if timed else ()), led=False)
+            self._order = order
 
     def release(self) -> None:
         """Let the arm go back to its posture; an `InputError` while the hand presses or grips."""
@@ -308,12 +317,13 @@ class Arm:
         The reference goes on as it moves. In a new frame, and for the first target, it begins where the hand is.
         """
         fresh = route.frame != self.within or not self.active
+        self._frames.begin(route.frame)
         self._way.send(route, self.seen(route.frame), fresh=fresh)
         if fresh:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._led = route.frame, led
+        self.within, self._led, self._order = route.frame, led, ()
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
         self._weigh()
@@ -325,6 +335,7 @@ class Arm:
         """Blend the task out, if there is a target."""
         if self._way.goal is not None:
             self._way.end()
+            self._order = ()
             self._blend.to(0.0, BLEND)
 
     def yield_by(self, lag: float, speed: float) -> None:

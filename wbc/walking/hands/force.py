@@ -11,7 +11,7 @@ HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
 
 HELP_LEAK = 0.05
-"""Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
+"""Ratio l of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
 
 BOUNDED = 1.0
 """Lack of force from which on an arm counts as too weak, N."""
@@ -48,9 +48,13 @@ class PressForce:
         """Planned force plus the one for the balance, N."""
         return self.planned + self.extra
 
-    def help(self, force: float, dt: float) -> None:
-        """Approach a force for the balance, N, by a period dt, s."""
-        self.extra += dt / HELP_TIME * (force - HELP_LEAK * self.extra)
+    def help(self, lack: float, dt: float) -> None:
+        """Change the force e for the balance for a period dt, s, while the feet lack a force of the hand, N.
+
+        The lack is what remains beside the help that is given: ė = (lack − l e) / T, with T = `HELP_TIME` and the leak
+        l = `HELP_LEAK`. A lack that stays would lead to e = lack / l.
+        """
+        self.extra += dt / HELP_TIME * (lack - HELP_LEAK * self.extra)
 
     def fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""

@@ -10,10 +10,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, lag_gain
+from wbc.base.numbers import ROUNDING, Array, finite_array, lag_gain
 from wbc.core.frames import heading, pose, pose_of, yaw_rotation
 from wbc.core.qp.controller import Controller
 from wbc.core.trajectories import Follower
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.swing import REST, FootMotion
 
 WORLD, PELVIS, FEET = "world", "pelvis", "feet"
@@ -26,7 +27,9 @@ FOLLOW = 0.25
     (1 + 3 T s) / (1 + T s)³ :
 
 at a constant speed it stays behind by nothing, and by 3 T² a where they accelerate by a; two low-passes alone would
-leave hands that push a cart 0.16 m behind a robot that walks at 0.33 m/s."""
+leave hands that push a cart 0.16 m behind a robot that walks at 0.33 m/s. Two of the low-passes follow a goal that is
+2 T of the way ahead of the feet, and at most as far as the footsteps still lead. Without this bound the frame would run
+on by 0.84 T of their speed where they stop, and come back: hands that have pulled a cart would then push it."""
 
 FrameMotion = tuple[pin.SE3, Array, Array]
 """Pose, velocity and acceleration in world axes, shape (6,), m/s, rad/s, m/s², rad/s²."""
@@ -57,15 +60,36 @@ class TargetFrames:
         moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
         self._objects[name] = pose(f"pose of '{name}'", where), moving, REST
 
-    def follow(self, used: bool, feet: Sequence[FootMotion], yaw: float, dt: float) -> None:
-        """Let the frame of the feet follow their planned motions and the heading, rad, as long as it is used."""
+    def begin(self, name: str) -> None:
+        """Let the frame of this name begin to follow what it belongs to, if it does not yet."""
+        if name == FEET and self._feet is None:
+            at, _, _ = self.now(FEET)
+            self._feet = Follower(FOLLOW, at.translation), Follower(FOLLOW, heading(at.rotation))
+            self._lagging = at.translation.copy()
+
+    def follow(
+        self,
+        used: bool,
+        feet: Sequence[FootMotion],
+        yaw: float,
+        dt: float,
+        upcoming: Sequence[Footstep] | None = None,
+    ) -> None:
+        """Let the frame of the feet follow their planned motions and the heading, rad, as long as it is used.
+
+        The feet stop after the footsteps that are upcoming; None where they go on.
+        """
         if not used:
             self._feet = None
         elif self._feet is not None:
             point, turn = self._feet
             middle = _between(*(motion.placement.translation for motion in feet))
             self._lagging += lag_gain(dt, FOLLOW) * (middle - self._lagging)
-            point.follow(middle + 2.0 * (middle - self._lagging) - point.value, dt)
+            ahead = 2.0 * (middle - self._lagging)
+            if upcoming is not None:
+                far = float(np.linalg.norm(ahead))
+                ahead *= _way(feet, upcoming, far) / max(far, ROUNDING)
+            point.follow(middle + ahead - point.value, dt)
             turn.follow(math.remainder(yaw - turn.value, math.tau), dt)
 
     def now(self, name: str) -> FrameMotion:
@@ -86,8 +110,7 @@ class TargetFrames:
             return self._objects[name]
         if self._feet is None:
             middle = _between(*(robot.placement(sole.frame).translation for sole in robot.soles))
-            self._feet = Follower(FOLLOW, middle), Follower(FOLLOW, heading(self._pelvis.rotation))
-            self._lagging = middle.copy()
+            return pose_of(yaw_rotation(heading(self._pelvis.rotation)), middle), REST, REST
         point, turn = self._feet
         return (
             pose_of(yaw_rotation(turn.value), point.value),
@@ -101,6 +124,18 @@ def _between(left: Array, right: Array) -> Array:
     middle: Array = 0.5 * (left + right)
     middle[2] = min(left[2], right[2])
     return middle
+
+
+def _way(feet: Sequence[FootMotion], steps: Sequence[Footstep], most: float) -> float:
+    """Return the way that the middle of the feet still goes in these steps, at most a length, m."""
+    way, (left, right) = 0.0, feet
+    at = {"left": left.placement.translation, "right": right.placement.translation}
+    for step in steps:
+        if way >= most:
+            break
+        way += 0.5 * float(np.linalg.norm(step.placement.translation - at[step.side]))
+        at[step.side] = step.placement.translation
+    return min(way, most)
 
 
 def carried(frame: FrameMotion, place: pin.SE3, velocity: Array, acceleration: Array) -> FrameMotion:

@@ -34,6 +34,7 @@ from wbc.core.qp.move import least_turn
 from wbc.core.qp.options import ContactOptions
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
+from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
 from wbc.walking.hands.force import PressForce
@@ -132,6 +133,7 @@ class Hand:
         grasp: What it grips; active while it does.
         measured: Placement of its frame as it is estimated, in the world; a view.
         direction: Direction in which the hand presses, in the world, shape (3,).
+        order: Order of `Hands` that it carries out; empty without one.
         pressed: Force with which it presses, as measured, along `direction`, N.
         ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
         force: Planned force of a hand that presses.
@@ -172,6 +174,9 @@ class Hand:
     def _begin(self, state: HandState) -> None:
         """Begin in a state without a force."""
         self.force, self.ordered, self.pressed = PressForce(), 0.0, 0.0
+        self.order: tuple[object, ...] = ()
+        # Share of the turn to another direction that is done, that turn, and the direction before.
+        self._turned, self._turn, self._before = Ramp(1.0), ZERO, ZERO
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self.sensor.listen()
@@ -184,7 +189,7 @@ class Hand:
         self._touched = 0.0  # time for which it has felt a touch, s
 
     @property
-    def reach(self) -> float:
+    def span(self) -> float:
         """Length of the stretched arm to the tip, m."""
         return self.arm.length + self._settings.length
 
@@ -219,9 +224,10 @@ class Hand:
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""
         if self.state is HandState.HOLD:
-            self.direction, self.ordered = direction, force
-            self.contact.normal = -direction
-            self.force.ramp.to(force, self._settings.ramp)
+            self.ordered, self._before, self._turned = force, self.direction, Ramp()
+            self._turn = least_turn(self.direction, direction)
+            for ramp, goal in ((self.force.ramp, force), (self._turned, 1.0)):
+                ramp.to(goal, self._settings.ramp)
             return
         self._order(direction, force, self.contact, self._force)
         if at is None:
@@ -293,16 +299,17 @@ class Hand:
             self._lose()
         wrench, rotation = self.sensor.wrench, self.measured.rotation
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
-        if self.state is HandState.HOLD:
-            self._press(wrench, rotation, self.chosen(solution))
-        elif self.state is HandState.GRIP:
-            self._carry(wrench, rotation, excess)
-        elif self.state is HandState.REACH:
-            self._reach()
-        elif self.state is HandState.APPROACH:
-            self._approach()
-        else:
-            self.force.ramp.advance(self._dt)
+        match self.state:
+            case HandState.REACH:
+                self._go_on()
+            case HandState.APPROACH:
+                self._feel_for_touch()
+            case HandState.HOLD:
+                self._press(wrench, rotation, self.chosen(solution))
+            case HandState.GRIP:
+                self._carry(wrench, rotation, excess)
+            case HandState.LOST:
+                self.force.ramp.advance(self._dt)
         if self.state not in (HandState.HOLD, HandState.GRIP, HandState.LOST):
             return None
         return np.asarray(self.measured.act(pin.Force(wrench)).vector)
@@ -316,7 +323,7 @@ class Hand:
         self._borne += lag_gain(self._dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
         self._wrench.follow((self._borne.reshape(2, 3) @ self.arm.place.rotation).ravel())
 
-    def _reach(self) -> None:
+    def _go_on(self) -> None:
         """Learn the tare on the way, and begin what comes after it."""
         arm = self.arm
         self.sensor.learn(self._touch)
@@ -330,6 +337,10 @@ class Hand:
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
+        if self._turned.value < 1.0:
+            self._turned.advance(self._dt)
+            self.direction = pin.exp3(self._turned.value * self._turn) @ self._before
+            self.contact.normal = -self.direction
         force, asked, ends = self.force, self._force.target, self.ordered == 0.0
         given = asked if chosen is None else chosen
         self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt, ends=ends)
@@ -342,7 +353,7 @@ class Hand:
             target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
             self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
-    def _approach(self) -> None:
+    def _feel_for_touch(self) -> None:
         """Begin to press at a touch; stop after a search without one, and where the hand cannot go on."""
         arm = self.arm
         self._touched = self._touched + self._dt if self.pressed > self._touch else 0.0
@@ -358,7 +369,7 @@ class Hand:
 
     def _fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""
-        self.ordered = 0.0
+        self.ordered, self.order = 0.0, ()
         self.force.fade(duration)
 
     def _lose(self) -> None:

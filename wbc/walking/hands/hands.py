@@ -162,7 +162,7 @@ class Hands:
         trunk, shoulder = robot.placement(robot.base_frame), each.arm.shoulder
         yaw = heading(trunk.rotation)
         c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(shoulder)[1])
-        place: Array = shoulder + each.reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
+        place: Array = shoulder + each.span * np.array([c * ahead - s * left, s * ahead + c * left, -below])
         return place
 
     def press(
@@ -176,6 +176,9 @@ class Hands:
     ) -> None:
         """Approach a surface with a hand and press on it with a force that is measured; or change force and direction.
 
+        Force and direction of a hand that presses change within `HandSettings.ramp`. The same order once more changes
+        nothing while the hand carries it out.
+
         Args:
             hand: Role of the hand.
             force: Force, N.
@@ -183,15 +186,19 @@ class Hands:
             at: Point of the surface, in the world of the robot's estimate, shape (3,), m: the hand goes before it
                 first, and learns the tare of its sensor. When None it approaches from where it is, with the tare of its
                 last way to a point. A hand that presses already stays on its surface.
-            firm: True for what cannot give way, such as a wall or a rail; else a force whose sudden loss the robot
-                would not survive is refused.
+            firm: True for what cannot give way alone, such as a wall or a rail, or a box against which the other hand
+                presses from the other side; else a force whose sudden loss the robot would not survive is refused.
 
         Raises:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured (yet).
         """
-        force, along = self._checked(hand, force, direction, HandState.GRIP)
-        each, point = self.all[hand], None if at is None else self._reachable(hand, at)
+        each, force, along = self._read(hand, force, direction)
+        order = (HandState.HOLD, force, *along.tolist(), firm, *np.ravel([] if at is None else at).tolist())
+        if order == each.order:
+            return
+        self._check_ready(each, HandState.GRIP)
+        point = None if at is None else self._reachable(hand, at)
         if each.state is HandState.HOLD:
             point = None
         if point is None:
@@ -203,11 +210,13 @@ class Hands:
         if not firm:
             self._check_loss(hand, along, force, point)
         each.press(along, force, point)
+        each.order = order
 
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
 
-        The hand is there when its state is `HandState.GRIP`; whoever drives its fingers closes them then.
+        The same order once more changes nothing while the hand carries it out. The hand is there when its state is
+        `HandState.GRIP`; whoever drives its fingers closes them then.
 
         Args:
             hand: Role of the hand.
@@ -220,36 +229,39 @@ class Hands:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured (yet).
         """
-        limit, along = self._checked(hand, limit, direction, HandState.HOLD)
+        each, limit, along = self._read(hand, limit, direction)
+        order = (HandState.GRIP, limit, *along.tolist(), *np.ravel([] if at is None else at).tolist())
+        if order == each.order:
+            return
+        self._check_ready(each, HandState.HOLD)
         point = self._reachable(hand, at)
         self._check_loss(hand, along, limit, point)
-        self.all[hand].grip(along, limit, point)
+        each.grip(along, limit, point)
+        each.order = order
 
-    def _checked(
-        self, hand: str, force: float, direction: ArrayLike, other: HandState
-    ) -> tuple[float, Array]:
-        """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,).
-
-        In the other state the hand holds on by a contact that the order would lose within a tick.
-        """
+    def _read(self, hand: str, force: float, direction: ArrayLike) -> tuple[Hand, float, Array]:
+        """Return hand, force, N, and direction, of length 1, shape (3,), of an order after a check."""
         each = self.all[choose("hand", hand, self.all)]
-        each.arm.check_idle()
-        self._check_sensor(hand)
         checked = finite_scalar(f"force of {hand} (N)", force, low=0.0)
-        along = unit_vector(f"direction of {hand}", direction)
-        if each.state is other:
+        return each, checked, unit_vector(f"direction of {hand}", direction)
+
+    def _check_ready(self, hand: Hand, other: HandState) -> None:
+        """Check that a hand can take an order; in the other state the order would lose its contact within a tick."""
+        hand.arm.check_idle()
+        self._check_sensor(hand.name)
+        if hand.state is other:
             raise InputError(
-                f"{hand} must let go of what it holds before another order: release('{hand}') and wait until it is free"
+                f"{hand.name} must let go of what it holds before another order: release('{hand.name}') and wait until "
+                "it is free"
             )
-        return checked, along
 
     def _reachable(self, hand: str, at: ArrayLike) -> Array:
         """Return a point for a hand, shape (3,), m, after a check."""
         point, each = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand]
-        far, reach = float(np.linalg.norm(point - each.arm.shoulder)), each.reach
-        if far > reach:
+        far, span = float(np.linalg.norm(point - each.arm.shoulder)), each.span
+        if far > span:
             raise InputError(
-                f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
+                f"point for {hand} must be within {span:.2f} m of its shoulder, it is {far:.2f} m away"
             )
         return point
 
@@ -276,7 +288,12 @@ class Hands:
         self.all[hand].release()
 
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
-        """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
+        """Check that the robot survives if what it presses on, at a point or where it is now, gives way.
+
+        It survives the loss of this hand alone, and of all hands at once. A force that another hand opposes is no room:
+        the CoM does not shift for both, and a loss of one leaves the other. Only where both press on one loose thing
+        from two sides do they end together, which the forces do not say: such a thing is firm for each of them.
+        """
         each = self.all[hand]
         place = each.destination if at is None else at
         own = self._zmp_moved(along, place)  # by 1 N of this hand
@@ -285,9 +302,13 @@ class Hands:
             if other is not each and other.state is not HandState.FREE:
                 held += self._zmp_moved(other.ordered * other.direction, other.destination)
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
-        most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), ROUNDING)))
+        lost, each_newton = (
+            np.maximum(np.sign(own) * held, 0.0),
+            np.abs(own),
+        )  # what is lost with it, on its side
+        most = float(np.min((room - lost) / np.maximum(each_newton, ROUNDING)))
         if force > most:
-            moved = 1e3 * math.hypot(*(held + force * own))
+            moved = 1e3 * math.hypot(*(lost + force * each_newton))
             raise InputError(
                 f"{hand} may press with at most {max(most, 0.0):.0f} N there, as the surface may give way: a sudden "
                 f"loss of {force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give "

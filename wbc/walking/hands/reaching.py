@@ -23,6 +23,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.walking.hands.arm import Arm, ArmSettings
 from wbc.walking.hands.frames import FEET, TargetFrames
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.swing import FootMotion
 from wbc.walking.tasks import WalkTasks
 
@@ -74,19 +75,28 @@ class Arms:
         """
         self._frames.place(name, where, velocity)
 
-    def update(self, feet: Sequence[FootMotion], yaw: float, fast_share: float = 0.0) -> None:
+    def update(
+        self,
+        feet: Sequence[FootMotion],
+        yaw: float,
+        fast_share: float = 0.0,
+        upcoming: Sequence[Footstep] | None = None,
+    ) -> None:
         """Move all references by one tick.
 
         Args:
             feet: Motions of left and right sole.
             yaw: Heading, rad.
             fast_share: Share from 0 to 1 by which the walk is a fast one.
+            upcoming: Footsteps after which the feet stop; None where they go on.
         """
         active = tuple(arm for arm in self.all.values() if arm.active)
         if active or self._spared:
             solution = self._controller.solution
             accelerations = None if solution is None else solution.accelerations
-            self._frames.follow(any(arm.within == FEET for arm in active), feet, yaw, self._controller.dt)
+            self._frames.follow(
+                any(arm.within == FEET for arm in active), feet, yaw, self._controller.dt, upcoming
+            )
             for arm in active:
                 arm.update(accelerations)
             self._spare(active, accelerations)

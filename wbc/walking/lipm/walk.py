@@ -170,6 +170,11 @@ class LipmWalk(ReferenceSource):
         return self.phases.rests and (planner is None or self._planning.is_noted(planner))
 
     @property
+    def remaining(self) -> Sequence[Footstep]:
+        """See `ReferenceSource`."""
+        return self.progress.upcoming
+
+    @property
     def granted(self) -> Velocity:
         """Velocity of the present plan: forward (m/s), left (m/s) and turn (rad/s)."""
         granted = None if self.planner is None else self.planner.granted

@@ -172,6 +172,11 @@ class SteppingWalk(ReferenceSource):
         return self.steering.plan_time(self.stair) if self.footsteps else self.steering.step_time
 
     @property
+    def remaining(self) -> Sequence[Footstep] | None:
+        """See `ReferenceSource`."""
+        return None if self.steering.pending and not self.footsteps else self.footsteps
+
+    @property
     def granted(self) -> Velocity:
         """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
         return (*self.steering.velocity, self.steering.turn)
