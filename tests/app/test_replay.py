@@ -9,8 +9,10 @@ import json
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -254,16 +256,22 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
         for clouds in ([cloud], [cloud], [other], [], [cloud, other], [cloud, other], [cloud]):
             picture.marks = [ball, *clouds]
             kept = drawn.draw(replay, picture, camera).astype(int)
-            drawn.update_scene(replay.data, camera)
-            MujocoMarks(drawn.scene).add(picture.marks)
-            np.testing.assert_allclose(drawn.render().astype(int), kept, atol=2)
+            with renderer(replay.model, *SIZE) as new:
+                np.testing.assert_allclose(new.draw(replay, picture, camera).astype(int), kept, atol=2)
 
 
 @drawing
-def test_a_colour_of_a_body_ends_with_the_picture_that_has_it(replay: Replay) -> None:
+def test_a_colour_of_a_body_ends_with_the_picture_that_has_it_and_the_model_stays_as_it_is(
+    replay: Replay,
+) -> None:
     import mujoco  # noqa: PLC0415 - with the driver that `film` has chosen
 
-    camera, picture, own = mujoco.MjvCamera(), replay.picture(0), replay.model.geom_rgba.copy()
+    def state() -> bytes:
+        content = np.empty(mujoco.mj_sizeModel(replay.model), np.uint8)
+        mujoco.mj_saveModel(replay.model, None, content)
+        return content.tobytes() + replay.data.light_xpos.tobytes()
+
+    camera, picture, own = mujoco.MjvCamera(), replay.picture(0), state()
     camera.distance, camera.elevation = 3.0, -20.0
     seen = []
     with renderer(replay.model, *SIZE) as drawn:
@@ -272,7 +280,7 @@ def test_a_colour_of_a_body_ends_with_the_picture_that_has_it(replay: Replay) ->
             seen.append(drawn.draw(replay, picture, camera).astype(int))
     red, again = ((np.abs(each - seen[0]).max(axis=2) > 60).mean() for each in seen[1:])
     assert red > 0.01 and again < 0.001, "shares of the picture that look otherwise"
-    np.testing.assert_array_equal(replay.model.geom_rgba, own)
+    assert state() == own
 
 
 @drawing
@@ -301,6 +309,29 @@ def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path
 
 
 # ---- files for Rerun ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["rrd", "mcap"])
+def test_the_progress_of_a_conversion_has_its_pictures_and_an_error_leaves_the_old_file(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip({"rrd": "rerun", "mcap": "foxglove"}[kind])
+    log, path, told = recorded_stand(tmp_path / "a.arrow", ticks=40), tmp_path / f"a.{kind}", []
+    pictures = len({*Replay(log).ticks(30.0)})
+
+    def progress(steps: Sequence[Any]) -> Iterator[Any]:
+        for k, step in enumerate(steps):
+            told.append((k, len(steps)))
+            yield step
+
+    assert convert_log(log, path, rate=30.0, progress=progress) is None
+    groups = {name.rpartition("/")[0] or name for name in log if name != "time"}
+    assert told == [(k, len(groups) + pictures) for k in range(len(groups) + pictures)]
+    old = path.read_bytes()
+    monkeypatch.setattr(Replay, "picture", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        convert_log(log, path)
+    assert path.read_bytes() == old and len([*tmp_path.iterdir()]) == 2
 
 
 @pytest.mark.slow

@@ -19,9 +19,9 @@ from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay import convert, film
-from wbc.app.replay.convert import RerunFile
 from wbc.app.replay.film import FOLLOW_TIME
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
+from wbc.app.replay.rerun_file import RerunFile
 from wbc.app.view.marks import LIFT, Mark, Picture, Scale
 from wbc.app.view.mujoco_view import MujocoMarks
 from wbc.app.view.rerun_view import tint

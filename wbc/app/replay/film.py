@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -49,21 +50,23 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
 
 
 class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
-    """Renderer of stages with their marks, which moves the lamp of their model; see `renderer`."""
+    """Renderer of stages with their marks, which draws a copy of their model and data; see `renderer`."""
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Begin a picture of a size in pixels."""
         super().__init__(model, height, width, max_geom=model.ngeom + MOST_MARKS)
+        self._copy, self._data = model, mujoco.MjData(model)
         self._marks = MujocoMarks(self.scene)
 
     def draw(self, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
         """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
-        model, own = stage.model, stage.model.geom_rgba.copy()
+        model, data = self._copy, self._data
+        mujoco.mj_copyData(data, model, stage.data)
+        model.geom_rgba[:] = stage.model.geom_rgba
         paint_bodies(model, picture.colours)
         model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
-        mujoco.mj_camlight(model, stage.data)
-        self.update_scene(stage.data, camera)
-        model.geom_rgba[:] = own
+        mujoco.mj_camlight(model, data)
+        self.update_scene(data, camera)
         self._marks.add(picture.marks)
         pixels: Pixels = self.render()
         return pixels
@@ -71,6 +74,7 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
 
 def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -> Renderer:
     """Return a renderer of pictures of a size in pixels, with samples per pixel, 4 for smooth edges."""
+    model = copy.copy(model)
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.offsamples, model.vis.quality.shadowsize = samples, SHADOW
     with opening():
