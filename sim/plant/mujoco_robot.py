@@ -193,7 +193,7 @@ class MujocoRobot(Simulation):
         signals = self._signals
         if left == 0 or signals.of_contacts:
             self._contacts.capture(self.data)
-        signals.record(self.data, signals.window[self.steps - 1 - left])
+        signals.record(self.data, signals.rows[-1 - left])
 
     def _sample(self) -> None:
         self._signals.sample(self.data)

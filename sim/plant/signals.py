@@ -68,7 +68,7 @@ class MujocoSignals(SensorVector):
 
     Attributes:
         window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
-            the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
+            the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands); its `rows`.
         of_contacts: True if wrenches are sums of contacts, which must be captured in each step. Without force sensors
             nobody reads these sums, and they stay zero.
     """
@@ -97,6 +97,7 @@ class MujocoSignals(SensorVector):
         self.of_contacts = self._sensors is None and machine.force_sensors
         self._forces = self.values[self._ends[2] : self._ends[4]]  # specific force and wrenches of soles
         self.window = np.zeros((steps, self._forces.size + 6 * len(hands)))
+        self.rows = list(self.window)
         self._samples = scalar(steps)
         self._mean = np.empty(self.window.shape[1]) if hands else self._forces
         self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in hands]

@@ -162,8 +162,9 @@ class SensorVector:
 class SensorChain:
     """The errors of `SensorNoise`, applied to the vector of all `SensorVector`.
 
-    Signals need be pushed from `oldest` to `newest` physics steps before a reading, the latencies of the slowest and
-    the fastest of them.
+    Attributes:
+        kept: Numbers of physics steps before a reading at which signals are pushed: from the latency of the fastest to
+            that of the slowest of them.
     """
 
     def __init__(
@@ -190,13 +191,14 @@ class SensorChain:
                 self._rounded.append((slice(start, stop), scalar(quantum)))
             start = stop
         self._noisy = bool(self._std.any())
-        self.oldest = int(self._delay.max())
+        oldest = int(self._delay.max())
         # Where a signal may be read one reading later, all of them are kept.
-        self.newest = int(self._delay.min()) if self.oldest < steps else 0
-        depth = 1 + self.oldest - self.newest
+        newest = int(self._delay.min()) if oldest < steps else 0
+        self.kept, self._late = range(newest, oldest + 1), oldest > 0
+        depth = len(self.kept)
         self._history = np.zeros((depth, self.size))
         # Where in the flattened history each channel is read, for each place of the newest signals.
-        rows = (np.arange(depth)[:, None] - (self._delay - self.newest)) % depth
+        rows = (np.arange(depth)[:, None] - (self._delay - newest)) % depth
         self._places = rows * self.size + np.arange(self.size)
         self._head = 0
         self._draw = np.empty(self.size)
@@ -213,14 +215,14 @@ class SensorChain:
 
     def push(self, truth: Array) -> None:
         """Store the true signals, shape (size,), of a physics step; none where no signal has a latency."""
-        if self.oldest == 0:
+        if not self._late:
             return
         self._head = (self._head + 1) % len(self._history)
         self._history[self._head] = truth
 
     def read(self, truth: Array) -> Array:
         """Return the readings, a new array of shape (size,), of the signals now; with a latency of those pushed."""
-        out: Array = self._history.take(self._places[self._head]) if self.oldest else truth.copy()
+        out: Array = self._history.take(self._places[self._head]) if self._late else truth.copy()
         if self._biased:
             out += self._bias
         if self._noisy:

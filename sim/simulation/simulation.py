@@ -428,13 +428,13 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
         ready = left == 0
         for robot in robots:
             robot._record(left)
-            ready = ready or robot._chain.newest <= left <= robot._chain.oldest or bool(robot._pushes.active)
+            ready = ready or left in robot._chain.kept or bool(robot._pushes.active)
         if first.diverged is not None:
             break
         if ready:
             first._refresh()
             for robot in robots:
-                if robot._chain.newest <= left <= robot._chain.oldest:
+                if left in robot._chain.kept:
                     robot._sample()
                     robot._chain.push(robot._signals.values)
     for robot in robots:

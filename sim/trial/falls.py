@@ -80,7 +80,7 @@ class TrueFallDetector:
             up: Axis in the base frame that is vertical when the robot is upright, for a robot that should bend. When
                 None, it is the one that is vertical in half-sitting.
         """
-        x, y, z, w = (float(value) for value in base)
+        x, y, z, w = map(float, base)
         a, b, c = self._up if up is None else up
         vertical = a * 2.0 * (x * z - w * y) + b * 2.0 * (y * z + w * x) + c * (1.0 - 2.0 * (x * x + y * y))
         if not vertical >= self._upright * (x * x + y * y + z * z + w * w):

@@ -22,17 +22,21 @@ GOAL_TURN = math.radians(45.0)
 """Greatest error of the pelvis' heading at the goal, rad."""
 
 
+AT_ONCE = 256
+"""Ticks whose figures are computed at once: NumPy takes ten times as long for one after the other."""
+
+
 class Arrival(TrialHook):
     """Comparison of a walk with its goal, x, y (m) and yaw (rad) of the middle of the feet, and with its track.
 
-    The track has the middles of the feet in order, joined by straight lines, shape (n, 2), m; `track_error` is the
-    greatest distance from it so far, m.
+    The track has the middles of the feet in order, joined by straight lines, shape (n, 2), m.
     """
 
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
         self.goal = goal
         self.track = places = finite_array("track (m)", track)
-        self.track_error = 0.0
+        self._middles: list[Array] = []  # not compared yet
+        self._track_error = 0.0
         if len(places) == 1:
             places = np.repeat(places, 2, axis=0)  # a line of no length
         self._x, self._y = places[:-1].T.copy()
@@ -45,13 +49,28 @@ class Arrival(TrialHook):
             self.update(feet_middle(trial.plant))
 
     def update(self, middle: Array) -> None:
-        """Compare the middle of the feet, shape (2,), m, with the track."""
-        x, y = middle[0] - self._x, middle[1] - self._y
+        """Compare the middle of the feet, shape (2,), m, with the track, later, with many others at once."""
+        self._middles.append(middle)
+        if len(self._middles) == AT_ONCE:
+            self._compare()
+
+    @property
+    def track_error(self) -> float:
+        """Greatest distance from the track so far, m."""
+        if self._middles:
+            self._compare()
+        return self._track_error
+
+    def _compare(self) -> None:
+        """Compare the middles that have come since the last call, in rows, with the lines of the track."""
+        x, y = np.array(self._middles).T[:, :, None]
+        x, y = x - self._x, y - self._y
         share = np.minimum(np.maximum((x * self._along + y * self._aside) / self._squares, 0.0), 1.0)
         x -= share * self._along
         y -= share * self._aside
-        away: float = (x * x + y * y).min()
-        self.track_error = max(self.track_error, math.sqrt(away))
+        away = (x * x + y * y).min(axis=1).max()
+        self._track_error = max(self._track_error, math.sqrt(away))
+        self._middles.clear()
 
     def error(self, middle: Array) -> float:
         """Return the distance of the middle of the feet, shape (2,), from the goal, m."""

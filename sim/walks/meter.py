@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
-from wbc.base.vectors import Point, along, largest
+from wbc.base.vectors import Point, along
 from wbc.core.conventions import rotation_of
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
@@ -20,6 +20,7 @@ from wbc.core.signals import Measurement
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
+from wbc.sim.walks.arrival import AT_ONCE
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
@@ -112,7 +113,9 @@ class WalkMeter(TrialHook):
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
         self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
         self._effort: list[float] = []
-        self.work = np.zeros(plant.robot.na)  # of each joint, the negative counted as positive, J
+        self._work = np.zeros(plant.robot.na)
+        self._drives: list[tuple[Array, Array]] = []  # torques and velocities of the last ticks
+        self._ticks = 0
         self._every = max(1, round(SAMPLE / plant.control_period))  # ticks in a sample
         self._sample = self._every * plant.control_period
         self._velocities: list[Array] = []  # of the joints, a sample
@@ -151,15 +154,30 @@ class WalkMeter(TrialHook):
     def after(self, trial: AnyTrial) -> None:
         """Record torques and work of the joints, after the plant has moved on."""
         del trial
-        plant, torque = self._plant, self._plant.joint_torque
-        share = plant.robot.torque_share(torque)
-        np.maximum(self._peak, share, out=self._peak)
-        velocity = plant.joint_velocity
-        self.work += np.abs(torque * velocity) * plant.control_period
-        if len(self._effort) % self._every == 0:
-            self._velocities.append(velocity.copy())
+        plant, velocity = self._plant, self._plant.joint_velocity
+        if self._ticks % self._every == 0:
+            self._velocities.append(velocity)
             self._places.append(plant.base_pose[:2])
-        self._effort.append(largest(share))
+        self._ticks += 1
+        self._drives.append((plant.joint_torque, velocity))
+        if len(self._drives) == AT_ONCE:
+            self._take_drives()
+
+    @property
+    def work(self) -> Array:
+        """Work of each joint, the negative counted as positive, shape (na,), J."""
+        if self._drives:
+            self._take_drives()
+        return self._work
+
+    def _take_drives(self) -> None:
+        """Add torques and velocities of the joints since the last call to the figures."""
+        torque, velocity = np.array(self._drives).swapaxes(0, 1)
+        share = self._plant.robot.torque_share(torque)
+        self._peak = np.maximum(self._peak, share.max(axis=0))
+        self._effort += share.max(axis=1).tolist()
+        self._work += np.abs(torque * velocity).sum(axis=0) * self._plant.control_period
+        self._drives.clear()
 
     def _record_slip(self, wrenches: list[list[float]]) -> None:
         """Add the way along the ground of the points of the soles at their centres of pressure, m."""
@@ -271,7 +289,8 @@ class WalkMeter(TrialHook):
 
     def figures(self) -> dict[str, Any]:
         """Return the fields of a `WalkResult` that are measured here."""
-        worst, legs = int(np.argmax(self._peak)), self._plant.robot.leg_joints
+        work, legs = self.work, self._plant.robot.leg_joints
+        worst = int(np.argmax(self._peak))
         count = self._events
         return {
             "zmp_error": spread(self._zmp),
@@ -282,7 +301,7 @@ class WalkMeter(TrialHook):
             "peak_torque_joint": self._plant.robot.joint_names[worst],
             "speed": self._speed(),
             "torque_ratio": spread(self._effort),
-            "energy": Energy(float(self.work[legs].sum()), float(np.delete(self.work, legs).sum())),
+            "energy": Energy(float(work[legs].sum()), float(np.delete(work, legs).sum())),
             "vibration": float(vibration(self._velocities, self._sample).sum()),
             "slip": self._slip,
             "touchdowns": Touchdowns(

@@ -43,9 +43,8 @@ def test_who_has_left_the_track_on_the_way_has_not_kept_to_it() -> None:
 
 
 def test_a_track_may_turn_and_may_be_a_place() -> None:
-    corner = Arrival((1.0, 1.0, 0.5 * math.pi), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
     for x, y, away in ((0.5, 0.0, 0.0), (1.0, 0.7, 0.0), (0.5, 0.2, 0.2), (0.7, 0.6, 0.3), (1.3, 1.4, 0.5)):
-        corner.track_error = 0.0
+        corner = Arrival((1.0, 1.0, 0.5 * math.pi), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
         corner.update(np.array([x, y]))
         assert corner.track_error == pytest.approx(away, abs=1e-12)
     for track in ([(1.0, 2.0)], [(1.0, 2.0)] * 3):  # a turn on the spot

@@ -248,15 +248,17 @@ class WalkTasks:
         if not far and still and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = (yaw, lean) if not far and still else (None, UPRIGHT)
+        rotation, turned = lean.rotation, math.nan
+        rates = lean.velocity, lean.acceleration
         for (link, turn), error in zip(links, off, strict=True):
             towards = yaw + turn.angle
             if far:
                 towards += min(max(error, -TURNED), TURNED) - error
-            link.task.follow(
-                lean.rotation.dot(yaw_rotation(towards)).dot(link.tilt),
-                lean.velocity + turn.rate * UP,
-                lean.acceleration + turn.acceleration * UP,
-            )
+            if towards != turned:  # pelvis and torso turn together as a rule
+                rotation, turned = lean.rotation.dot(yaw_rotation(towards)), towards
+            if not still:
+                rates = lean.velocity + turn.rate * UP, lean.acceleration + turn.acceleration * UP
+            link.task.follow(rotation.dot(link.tilt), *rates)
         if self._twist is not None:
             self._turn_waist(self._twist, twist)
 

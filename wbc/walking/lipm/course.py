@@ -57,8 +57,11 @@ class PlannedCourse:
         pendulum, off = self.pattern.at(self.since), self._off
         if abs(off.value) + abs(off.velocity) / self.preview.omega < ROUNDING:
             return pendulum
-        ways = [np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)]
-        return pendulum.moved(*ways)._replace(zmp=pendulum.zmp)
+        com, velocity, acceleration, *rest = pendulum
+        way, speed, push = (
+            np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)
+        )
+        return Pendulum(com + way, velocity + speed, acceleration + push, *rest)
 
 
 def _plane(vector: Array) -> complex:

@@ -303,7 +303,8 @@ class LipmWalk(ReferenceSource):
     def update(self, state: State) -> Reference:
         """Plan the footsteps anew if it is time to, and return the references of the walk."""
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        measured = [state.robot.placement(frame) for frame in self._frames]
+        places = state.robot.data.oMf
+        measured = [places[frame] for frame in self._frames]
         return self.advance(state.load.tolist(), self._soles, state.dcm, state.turned, measured)
 
     def advance(

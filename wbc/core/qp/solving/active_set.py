@@ -20,9 +20,10 @@ _ONE, _SMALLEST_WEIGHT = scalar(1.0), scalar(1e-12)
 
 
 class _Work:
-    """Arrays of one system: scaled rows, their products with the rows, and views of these.
+    """Arrays of systems of one size: their rows, scaled rows, products of these, and views.
 
     Attributes:
+        rows: [linear; R], shape (1 + m, n); `rows_t` is Rᵀ.
         scaled: [linear; R] D⁻¹, shape (1 + m, n).
         products: `scaled` times Rᵀ, shape (1 + m, m).
         of_linear: Its first row, R D⁻¹ linear.
@@ -33,12 +34,14 @@ class _Work:
     """
 
     __slots__ = (
-        "force", "hard_diagonal", "matrix_t", "of_linear", "products", "scaled", "shares", "soft_diagonal",
+        "force", "hard_diagonal", "matrix_t", "of_linear", "products", "rows", "rows_t", "scaled", "shares",
+        "soft_diagonal",
     )  # fmt: skip
 
-    def __init__(self, scaled: Array, products: Array, n_eq: int, n_linear: int) -> None:
-        self.scaled, self.products = scaled, products
-        m = products.shape[1]
+    def __init__(self, rows: Array, n_eq: int, n_linear: int) -> None:
+        m = rows.shape[0] - 1
+        self.rows, self.rows_t, self.scaled = rows, rows[1:].T, np.zeros(rows.shape)
+        self.products = products = np.zeros((m + 1, m))
         self.of_linear, self.matrix_t = products[0], products[1:].T
         diagonal = products.reshape(-1)[m :: m + 1]
         self.hard_diagonal, self.soft_diagonal = diagonal[:n_eq], diagonal[n_eq:n_linear]
@@ -78,10 +81,10 @@ class ActiveSet:
         self._active = np.zeros(0, dtype=np.intp)
         self._upper_side = np.zeros(0, dtype=bool)
         self._inverse = np.zeros(n)
-        self._linear_rows_t = p.rows[:m].T
         self._hard_target = p.target[: p.n_eq]
-        self._work = _Work(np.zeros((m + 1, n)), np.zeros((m + 1, m)), p.n_eq, m)
-        self._force = self._work.force
+        # By the number of active inequalities.
+        self._works = {0: _Work(p.linear_and_rows, p.n_eq, m)}
+        self._force = self._works[0].force
         self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
         self._soft_inverse, self._error = np.zeros(p.n_soft), np.zeros(p.n_eq)
         self._weights = b"none"  # of the soft rows, for which their inverse is
@@ -124,14 +127,13 @@ class ActiveSet:
             target = np.concatenate((target, np.where(self._upper_side, p.upper[active], p.lower[active])))
             if not math.isfinite(target.dot(target)):
                 return False  # an active bound has become infinite
-            rows = np.concatenate((p.linear_and_rows, p.inequality[active]))
-            rows_t, scaled = rows[1:].T, rows * self._inverse
-            work = _Work(scaled, scaled.dot(rows_t), n_eq, self._n_linear)
-        else:
-            work, rows_t = self._work, self._linear_rows_t
-            work.scaled[:] = self._inverse  # arrays of one shape take NumPy half the time
-            np.multiply(p.linear_and_rows, work.scaled, out=work.scaled)
-            work.scaled.dot(rows_t, out=work.products)
+        work = self._works.get(active.size) or self._make_work()
+        rows, rows_t, scaled = work.rows, work.rows_t, work.scaled
+        if active.size:
+            np.concatenate((p.linear_and_rows, p.inequality[active]), out=rows)
+        scaled[:] = self._inverse  # arrays of one shape take NumPy half the time
+        np.multiply(rows, scaled, out=scaled)
+        scaled.dot(rows_t, out=work.products)
         work.soft_diagonal += self._soft_inverse
         if p.empty is not None:
             work.hard_diagonal += p.empty
@@ -153,6 +155,12 @@ class ActiveSet:
             error[n_eq : self._n_linear] -= force[n_eq : self._n_linear] * self._soft_inverse
             force += dpotrs(factor, error)[0]
         return False
+
+    def _make_work(self) -> _Work:
+        """Make the arrays for the present number of active inequalities, which are kept for further ticks."""
+        n, n_rows = self._p.diagonal.size, 1 + self._n_linear + self._active.size
+        work = self._works[self._active.size] = _Work(np.zeros((n_rows, n)), self._p.n_eq, self._n_linear)
+        return work
 
     def _check(self) -> bool | None:
         """Correct the set; return True if that was needed, False if it is right, None if it cannot be corrected."""
