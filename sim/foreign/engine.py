@@ -191,14 +191,14 @@ class EngineLoop(Simulation):
 
     def _check_state(self, q: Array) -> None:
         """Refuse an engine whose `state` is not what it was put into by `place`, at rest."""
-        there, v = self.state()
+        there, v = (np.asarray(part, dtype=float) for part in self.state())
         name, robot = type(self).__name__, self.robot
         if np.shape(there) != q.shape or np.shape(v) != (robot.nv,):
             raise InputError(
                 f"{name}.state must return arrays of shapes ({robot.nq},) and ({robot.nv},), got {np.shape(there)} and "
                 f"{np.shape(v)}"
             )
-        off = np.array(there) - q
+        off = there - q
         if there[3:7] @ q[3:7] < 0.0:  # the same rotation
             off[3:7] = there[3:7] + q[3:7]
         worst, moving = int(np.argmax(np.abs(off))), float(np.abs(v).max())
@@ -244,7 +244,7 @@ class EngineLoop(Simulation):
         return np.clip(torque, self._least, self._most)
 
     def _integrate(self) -> None:
-        self.advance(self._torque, self._forces)
+        self.advance(self._torque.copy(), self._forces)
 
     def _record(self, left: int) -> None:
         del left
@@ -252,9 +252,9 @@ class EngineLoop(Simulation):
             return
         position, force, sole = self.contacts()
         self._touched = touched = (
-            np.asarray(position, dtype=float).reshape(-1, 3),
-            np.asarray(force, dtype=float).reshape(-1, 3),
-            np.asarray(sole, dtype=np.intp),
+            np.array(position, dtype=float).reshape(-1, 3),
+            np.array(force, dtype=float).reshape(-1, 3),
+            np.array(sole, dtype=np.intp),
         )
         if len({len(each) for each in touched}) > 1:
             raise InputError(
@@ -270,7 +270,7 @@ class EngineLoop(Simulation):
 
     def _look(self) -> bool:
         """Read the state of the engine; False if the simulation has diverged."""
-        self._q, self._v = self.state()
+        self._q, self._v = (np.array(part, dtype=float) for part in self.state())
         if not (np.isfinite(self._q).all() and np.abs(self._v).max() < FASTEST):
             self.diverged = f"simulation diverged in the period after {self.time:.4f} s"
             return False

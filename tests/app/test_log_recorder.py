@@ -205,6 +205,24 @@ def record_standing(path: Path, ticks: int, *signals: Any, **options: Any) -> Lo
     return Log.open(path)
 
 
+def test_another_plant_or_robot_is_another_log(tmp_path: Path) -> None:
+    """The truth is copied from the plant of the first tick: without a refusal it would be told of the second one."""
+    first, second = (wbc.Plant(wbc.load_robot("hrp4_class"), visuals=False) for _ in range(2))
+    control = wbc.PositionControl(balance_controller(first.robot, first.control_period))
+    with Recorder(tmp_path / "a.arrow") as record:
+        record(first, control, first.measure(), first.hold())
+        first.reset()
+        record(first, control, first.measure(), first.hold())
+        with pytest.raises(InputError, match="another Recorder"):
+            record(second, control, second.measure(), second.hold())
+    assert len(Log.open(record.path)) == 2
+    g1 = wbc.Plant(wbc.load_robot("g1"), visuals=False)
+    with Recorder(tmp_path / "b.arrow") as record:
+        record.write(first.description, first.measure(), first.hold())
+        with pytest.raises(InputError, match="another Recorder"):
+            record.write(g1.description, g1.measure(), g1.hold())
+
+
 def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     path = tmp_path / "own.arrow"
     count = iter(range(100))

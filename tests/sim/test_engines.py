@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from wbc.sim import (
     DivergedError,
     EngineContacts,
     EngineLoop,
+    EnginePush,
     Machine,
     MujocoLoop,
     WalkPlan,
@@ -256,6 +257,44 @@ class TooShort(InAir):
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         q, v = super().state()
         return q[7:], v[6:]
+
+
+class Careless(InAir):
+    """Returns lists and arrays that it goes on using, and writes into what it gets."""
+
+    held: tuple[np.ndarray, np.ndarray] | None = None
+
+    def place(self, q: np.ndarray) -> None:
+        super().place(q.copy())
+        q[:], self.points = np.nan, np.zeros((1, 3))
+
+    def state(self) -> Any:
+        q, v = super().state()
+        if self.held is None:
+            self.held = q.copy(), v.copy()
+        self.held[0][:], self.held[1][:] = q, v
+        return self.held[0], v.tolist()
+
+    def advance(self, torque: np.ndarray, pushes: Sequence[EnginePush]) -> None:
+        super().advance(torque, pushes)
+        torque[:] = np.nan
+        self.points += 1.0
+
+    def contacts(self) -> EngineContacts:
+        return EngineContacts(self.points, [[0.0, 0.0, 1.0]], [-1])
+
+
+def test_an_engine_may_return_lists_and_go_on_with_its_arrays() -> None:
+    loops, truths = (InAir("hrp4_class"), Careless("hrp4_class")), []
+    for loop in loops:
+        for _ in range(3):
+            loop.step(Command(np.zeros(loop.robot.na), 1.01 * loop.hold().joint_position))
+            truths.append((loop.truth(), loop.measure()))
+    for (one, read), (other, again) in zip(truths[:3], truths[3:], strict=True):
+        for name in ("q", "v", "joint_torque", "com"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(read.specific_force, again.specific_force)
+    assert [truth.contact_position[0, 0] for truth, _ in truths[3:]] == [2.0, 4.0, 6.0]
 
 
 class HalfTouching(InAir):

@@ -59,6 +59,7 @@ class Recorder(TrialHook):
         self._seed: int | None = None  # of the plant when None
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
+        self._first: Tick | None = None
         self._model: Robot | None = None  # of a controller of one's own
 
     def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
@@ -129,6 +130,10 @@ class Recorder(TrialHook):
         if self._model is None:
             _check_kind("description", description, RobotDescription)
             self._model = description.robot()
+        elif description.joint_names != self._model.joint_names:
+            raise InputError(
+                f"{self.path} is the log of '{self._model.name}'; make another Recorder for others"
+            )
         self._record(
             Tick(None, None, measurement, command, description, solution, truth, estimate, self._model)
         )
@@ -136,8 +141,12 @@ class Recorder(TrialHook):
     def _record(self, tick: Tick) -> None:
         if self._writer.ended:
             raise InputError(f"the recording {self.path} has ended; make another Recorder")
-        if self._signals is None:
-            self._signals = self._begin(tick)
+        if self._signals is None or self._first is None:
+            self._signals, self._first = self._begin(tick), tick
+        elif tick.plant is not self._first.plant or tick.program is not self._first.program:
+            raise InputError(
+                f"{self.path} is the log of one plant and program; make another Recorder for others"
+            )
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: Any) -> None:

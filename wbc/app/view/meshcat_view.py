@@ -274,9 +274,9 @@ class MeshcatView(View):
         self._server.send(messages, self._caption(picture))
 
     def _caption(self, picture: Picture) -> str | None:
-        """Return the caption as JSON; None if nobody reads it, or it is younger than `TEXT_PERIOD` and not the last."""
-        unseen = self.frames > 1 and self.pages == 0
-        if not self.closed and (unseen or clock.perf_counter() < self._spoken + TEXT_PERIOD):
+        """Return the caption as JSON; None if nobody reads it or it is recent, but for the first and last of a run."""
+        due = self.pages > 0 and clock.perf_counter() >= self._spoken + TEXT_PERIOD
+        if not (due or self.closed or self._spoken == -math.inf):
             return None
         self._spoken = clock.perf_counter()
         legends = [(meaning, css(colour)) for meaning, colour in self._scene.meanings.items()]
