@@ -93,6 +93,11 @@ class SteeredSteps(FootstepSource):
         self._way = GoalWay()
 
     @property
+    def goal(self) -> Place | None:
+        """Goal that the steps are on their way to; None for a velocity, and once the robot is there."""
+        return self._way.goal
+
+    @property
     def order(self) -> object:  # type: ignore[override]
         """Velocity and goal that are asked for."""
         return self.steering.target, self.steering.goal
@@ -107,6 +112,8 @@ class SteeredSteps(FootstepSource):
             wanted = self._towards_goal(now)
             if wanted == AT_REST and now.first is None:
                 steering.goal = None  # it stands there
+        if steering.goal is None:
+            self._way = GoalWay()  # the same goal begins anew
         if wanted == AT_REST:
             plan = self._stopping(now)
         else:

@@ -186,7 +186,7 @@ class LipmWalk(ReferenceSource):
         """Take footsteps from a planner, from the next tick on; None for those of the steering."""
         before = self.planner
         if planner is None:
-            goes_on = isinstance(before, SteeredSteps) and self.steering.goal is None
+            goes_on = isinstance(before, SteeredSteps) and self.steering.goal in (None, before.goal)
             planner = before if goes_on else self._steered_steps()
         super().take(planner)
         climbs = False
