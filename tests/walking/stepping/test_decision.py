@@ -375,9 +375,9 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     made.decide(stance, wish._replace(promised=True), None)
-    assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
+    assert made.displaced == pytest.approx(share * abs(left), abs=4.5e-3)
     made.decide(stance, wish, None)
-    assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
+    assert made.displaced == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
@@ -394,9 +394,9 @@ def test_footsteps_closer_together_than_steps_of_a_velocity_may_be_are_met_in_th
     stance = stance._replace(swing=(-wish.places[0], width, 0.0, 0.0))
     made.decide(stance._replace(longest=1.2 * time), wish._replace(promised=True), None)
     assert made.end == pytest.approx(time, abs=1e-5)
-    assert made.missed == pytest.approx(0.0, abs=1e-6)
+    assert made.displaced == pytest.approx(0.0, abs=1e-6)
     made.decide(stance._replace(longest=1.2 * time), wish, None)
-    assert made.missed > 0.1 * SETTINGS.gap, "those of a velocity stay apart"
+    assert made.displaced > 0.1 * SETTINGS.gap, "those of a velocity stay apart"
 
 
 def test_a_step_that_legs_need_longer_for_lands_where_the_pendulum_is_then() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from task_factory import ROBOTS, make_robot
 
 from wbc.base.errors import InputError
@@ -12,7 +14,7 @@ from wbc.walking.plans.reach import SPANS, Leg
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import (
     LONGEST,
-    QUICKEST_SWING,
+    GaitValues,
     RobotSize,
     SteppingConstants,
     SteppingSettings,
@@ -30,20 +32,29 @@ SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stri
         ({"longest": 0.9}, "longest"),
         ({"swing_height": 0.5, "shortest": 0.9}, "swing_height"),
         ({"swing_height": 0.02, "shortest": 0.1}, "0.455/ω"),
-        ({"swing_height": 0.1, "shortest": 0.99 * QUICKEST_SWING}, "0.455/ω"),
+        ({"swing_height": 0.1, "shortest": 0.45}, "0.455/ω"),
         ({"widest": 0.3, "width": 0.367}, "width"),
         ({"gap": 0.9, "widest": 0.9}, "gap"),
     ],
 )
 def test_steps_that_cannot_be_walked_are_refused_by_name(changes: dict[str, float], named: str) -> None:
     with pytest.raises(InputError, match=named):
-        SteppingSettings(**changes).in_si(SCALE)
+        GaitValues.of(SteppingSettings(**changes), SteppingConstants(), SCALE, 0.002)
 
 
-def test_the_quickest_steps_have_the_time_that_their_swings_need() -> None:
+@given(piece=st.floats(0.05, 0.8), touch=st.floats(0.6, 1.0), of_plans=st.floats(0.6, 1.0))
+def test_steps_have_the_time_that_their_swings_need_with_any_constants(
+    piece: float, touch: float, of_plans: float
+) -> None:
     """From lift-off to touch-down, at the earliest share of a step at which a foot touches down."""
-    walk = SteppingWalk(SteppingSettings(swing_height=0.02, shortest=QUICKEST_SWING), SCALE, 0.0, 0.002)
-    assert walk.constants.touch * walk.settings.shortest >= walk.step._shape.shortest
+    constants = SteppingConstants(piece=piece, touch=touch, touch_of_plans=of_plans)
+    times = {"step_time": 3.0, "slow_time": 3.0, "swing_height": 0.02}
+    with pytest.raises(InputError, match="shortest"):
+        quicker = SteppingSettings(**times, shortest=0.99 * constants.quickest_swing)
+        SteppingWalk(quicker, SCALE, 0.0, 0.002, constants=constants)
+    quickest = SteppingSettings(**times, shortest=constants.quickest_swing)
+    walk = SteppingWalk(quickest, SCALE, 0.0, 0.002, constants=constants)
+    assert min(touch, of_plans) * walk.settings.shortest >= walk.step._shape.shortest - 1e-12
 
 
 @pytest.mark.parametrize("name", ROBOTS)

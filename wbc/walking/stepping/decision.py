@@ -115,7 +115,8 @@ class StepDecision:
         cop: Shift of the centre of pressure from the carrying point, along and across the sole, m: that of this tick.
         lagged: The same with the low-pass of the measured one, which is compared with it, m.
         urgency: Share from 0 to 1 by which the swing foot goes before the trunk.
-        missed: Distance of the landing from the one that was asked for, m.
+        displaced: Distance by which balance moves the landing from the one that was asked for, m; where the ground is
+            seen, the landing may then be moved on to a better place.
     """
 
     def __init__(self, values: GaitValues, ground: GroundEstimate) -> None:
@@ -134,7 +135,7 @@ class StepDecision:
         """Begin a step, on a foot whose supported area is a point."""
         self.area.forget()
         self.cop = self.lagged = self._wanted = 0.0, 0.0
-        self.urgency = self.missed = 0.0
+        self.urgency = self.displaced = 0.0
         self._decided = False
         self._delayed_end: float | None = None  # end of a step for which legs need longer, s
         self._put_down: PutDown | None = None  # None for a foot that swings on
@@ -169,7 +170,7 @@ class StepDecision:
             step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), state.nominal)
         self._decided = True
         near, far = self._c.urgent
-        self.missed = off = math.dist(step.place, wish.places[:2])
+        self.displaced = off = math.dist(step.place, wish.places[:2])
         self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
         self.place = free = self._centre(state, step.place)
         chosen = None if look is None else self._choose(state, bounds.area, free, look)

@@ -48,14 +48,14 @@ from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Frames, GaitState
 from wbc.walking.stepping.path import PathSteering, StepVelocity
-from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.stepping.single_support import SetOff, SingleSupport
 from wbc.walking.swing import FootMotion
 
 logger = logging.getLogger(__name__)
 
-LET_GO = 0.01
-"""Distance of a landing from its footstep from which on the log says that it was let go, m."""
+TOLD = 0.01
+"""Distance of a landing from its footstep from which on the log tells it, m."""
 
 
 class SteppingWalk(ReferenceSource):
@@ -78,7 +78,7 @@ class SteppingWalk(ReferenceSource):
         stair: Height to the next stair of these, up or down, m; 0 on the level.
         time: Time since the gait began, s.
         steps_done: Steps that have ended with a foot on the ground.
-        missed: Distance of the last landing from its footstep, m; 0 for a step that is steered.
+        missed: Distance from its footstep at which the last foot carries, as measured, m; 0 in a walk that is steered.
     """
 
     com_height: float
@@ -100,9 +100,7 @@ class SteppingWalk(ReferenceSource):
         Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are. Without an `extent`
         the ground is endless.
         """
-        constants = constants or SteppingConstants()
-        constants.check()
-        self._values = GaitValues(settings.in_si(scale), in_si(constants, scale), scale, dt)
+        self._values = GaitValues.of(settings, constants or SteppingConstants(), scale, dt)
         self.settings, self.constants, self.scale, self.dt = self._values
         self.com_height, self.reach, self._extent = scale.height, reach, extent
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
@@ -362,13 +360,14 @@ class SteppingWalk(ReferenceSource):
         landed = felt.swing
         self.steps_done += 1
         self._idle |= isinstance(self.planner, PlanSource) and len(self.footsteps) == 1
-        self.missed = self.step.decision.missed if self.footsteps else 0.0
-        if self.missed > LET_GO:
+        (x, y, _), asked = state.places[landed], self.footsteps[0] if self.footsteps else None
+        self.missed = 0.0 if asked is None else math.hypot(x - asked.x, y - asked.y)
+        if self.missed > TOLD:
             logger.info(
-                "the %s foot has landed %.0f mm beside its footstep: what the footstep leaves of the balance, the next "
-                "sole could not have caught",
+                "the %s foot has landed %.0f mm beside its footstep; the balance moved the landing by %.0f mm",
                 SIDES[landed],
                 1e3 * self.missed,
+                1e3 * self.step.decision.displaced,
             )
         slow = math.hypot(*steering.velocity) < c.stop_speed
         near = slow and state.apart() < c.stop_length

@@ -273,6 +273,11 @@ class SteppingConstants:
                     f"the second number of {name} must be above the first one, got {low:g} and {high:g}"
                 )
 
+    @property
+    def quickest_swing(self) -> float:
+        """Least time of a step, whose swing has two pieces up to the earliest share at which a foot touches down."""
+        return 2.0 * self.piece / min(self.touch, self.late_touch, self.touch_of_plans)
+
     def check(self) -> None:
         """Refuse boxes of the centre of pressure, in parts of the sole, that are larger than the sole."""
         for name in ("box", "standing_box"):
@@ -282,9 +287,6 @@ class SteppingConstants:
                     f"{getattr(self, name)}"
                 )
 
-
-QUICKEST_SWING = 2.0 * SteppingConstants().piece / SteppingConstants().touch
-"""Least time of a step, 1/ω: its swing has two pieces."""
 
 T = TypeVar("T")
 
@@ -350,12 +352,6 @@ class SteppingSettings:
             )
         if si.longest < 1.0:
             raise InputError(f"longest is a ratio of the time of a step, of 1 at least, got {si.longest:g}")
-        least = max(2.0 * self.swing_height, QUICKEST_SWING)
-        if self.shortest < least:
-            raise InputError(
-                f"a step must last as long as a swing of its height, {least:.3g}/ω ({least / scale.omega:.3f} s) for "
-                f"swing_height {self.swing_height:g} h; got shortest {self.shortest:g}/ω ({si.shortest:.3f} s)"
-            )
         if si.widest <= si.width:
             raise InputError(
                 f"feet must stand further apart than the soles are wide ({si.gap:.3f} m with the gap) and nearer than "
@@ -370,6 +366,22 @@ class GaitValues(NamedTuple):
     constants: SteppingConstants
     scale: RobotSize
     dt: float  # control period, s
+
+    @staticmethod
+    def of(
+        settings: SteppingSettings, constants: SteppingConstants, scale: RobotSize, dt: float
+    ) -> GaitValues:
+        """Return the values of settings and constants in units of a robot; an `InputError` for impossible steps."""
+        constants.check()
+        values = GaitValues(settings.in_si(scale), in_si(constants, scale), scale, dt)
+        least = max(2.0 * settings.swing_height, constants.quickest_swing)  # up and down at hω on average
+        if settings.shortest < least:
+            raise InputError(
+                f"a step must last as long as a swing of its height, {least:.3g}/ω ({least / scale.omega:.3f} s) for "
+                f"swing_height {settings.swing_height:g} h; got shortest {settings.shortest:g}/ω "
+                f"({values.settings.shortest:.3f} s)"
+            )
+        return values
 
 
 def in_si(values: T, scale: RobotSize) -> T:
