@@ -16,10 +16,10 @@ from wbc.base.settings import Angle, Count, Number, settings
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.trial import AnyTrial, TrialHook
+from wbc.walking.plans.check import OutOfReachError
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.plans.reach import OutOfReachError
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.steered import SteeredControl
 

@@ -21,9 +21,10 @@ from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plan import TooFastError, WalkPlan, check_velocity
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
+from wbc.walking.plans.check import OutOfReachError
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import OutOfReachError, sized
+from wbc.walking.plans.reach import sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 

@@ -24,7 +24,7 @@ from wbc.motion.source import FADE, TrackedFoot, clip_references, placed, spline
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference
 from wbc.walking.contact import Event
-from wbc.walking.swing import FootMotion
+from wbc.walking.plans.swing import FootMotion
 
 DT = 0.005
 

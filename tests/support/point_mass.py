@@ -17,7 +17,7 @@ from pendulum import com_after
 from wbc.base.numbers import Array
 from wbc.base.vectors import Vector
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.reach import Extent
+from wbc.walking.plans.check import Extent
 from wbc.walking.source import Reference
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk

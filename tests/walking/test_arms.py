@@ -18,7 +18,7 @@ from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.trial import TrialTick
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.arm import ArmSettings
-from wbc.walking.swing import FootMotion
+from wbc.walking.plans.swing import FootMotion
 
 DT = 0.005
 

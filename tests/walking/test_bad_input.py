@@ -15,9 +15,10 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.plans.check import check_plan
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
-from wbc.walking.plans.reach import Reach, check_plan
+from wbc.walking.plans.reach import Reach
 from wbc.walking.source import StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants

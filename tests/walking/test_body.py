@@ -22,7 +22,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.body import ACCELERATION, SPEED, TURN_ACCELERATION, TURN_SPEED, lowest_com
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.reach import Leg
+from wbc.walking.plans.leg import Leg
 from wbc.walking.source import Reference, StandSource, WholeBody
 from wbc.walking.stepping.gait import SteppingWalk
 

@@ -37,7 +37,9 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.feet import TURNED
 from wbc.walking.lipm.settings import WalkSettings
 from wbc.walking.lipm.steered_steps import SteeredSteps
-from wbc.walking.plans.reach import Leg, Reach, check_plan
+from wbc.walking.plans.check import check_plan
+from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
     AT_REST,
     BESIDE,

@@ -21,10 +21,11 @@ from wbc.walking.ground import HIGHEST, GroundEstimate
 from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.leg import Leg
 from wbc.walking.plans.planners import MOST_STEPS, climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.plans.reach import Leg, Reach
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import AT_REST, Standing
-from wbc.walking.swing import HEEL_TIME, SwingFoot
+from wbc.walking.plans.swing import HEEL_TIME, SwingFoot
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 

@@ -22,8 +22,8 @@ from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingContr
 from wbc.walking.hands.frames import PELVIS, TargetFrames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Reference
-from wbc.walking.swing import FootMotion
 
 
 def test_a_frame_that_moves_and_turns_carries_what_moves_in_it() -> None:

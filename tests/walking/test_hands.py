@@ -39,8 +39,8 @@ from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Progress, Reference
-from wbc.walking.swing import FootMotion
 
 TABLE = {"distance": 0.18, "height": 0.7}
 

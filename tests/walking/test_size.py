@@ -16,10 +16,12 @@ from wbc.robots import RobotDescription, load
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.walking.control import WalkingControl
+from wbc.walking.plans.check import check_plan
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.leg import CARRIED, ROOM, Leg
 from wbc.walking.plans.planners import walk_distance
-from wbc.walking.plans.reach import CARRIED, ROOM, Leg, Reach, check_plan, sized
+from wbc.walking.plans.reach import Reach, sized
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")

@@ -13,8 +13,8 @@ from properties import examples
 
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import EDGE_SHARE, StepGait, SwingShape
+from wbc.walking.plans.swing import SwingFoot
 from wbc.walking.stepping.single_support import STAIR
-from wbc.walking.swing import SwingFoot
 
 GAIT = StepGait()
 HERE = Footstep("left", 0.0, 0.0875)

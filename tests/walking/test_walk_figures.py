@@ -28,12 +28,12 @@ from wbc.walking.hands.way import Route
 from wbc.walking.lipm.schedule import HeightProfile, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.leg import Leg, vertical_joint
 from wbc.walking.plans.planners import climb_stairs
-from wbc.walking.plans.reach import Leg, vertical_joint
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Progress, StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
-from wbc.walking.swing import FootMotion
 from wbc.walking.table import TaskGains, free_table, planned_table
 
 DT = 0.005

@@ -14,7 +14,8 @@ from wbc.core.robot import Robot
 from wbc.core.trajectories import ValueT
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import Soles, corners_of
-from wbc.walking.plans.reach import STANDING, Leg, Reach
+from wbc.walking.plans.leg import STANDING, Leg
+from wbc.walking.plans.reach import Reach
 
 CLEARANCE = 0.01
 """Least height of a foot's lowest corner in the air, m."""

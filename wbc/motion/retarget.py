@@ -35,7 +35,7 @@ from wbc.motion.kinematics import BodyMotion, Soles
 from wbc.motion.measures import MotionMeasures, measure
 from wbc.motion.skeleton import SkeletonClip
 from wbc.tasks import OrientationTask, PoseTask, PositionTask, PostureTask
-from wbc.walking.plans.reach import Leg
+from wbc.walking.plans.leg import Leg
 
 FASTEST = 60.0
 """Most frames per second that are solved for, Hz: of a faster clip every second frame is used, or every third …"""

@@ -51,11 +51,11 @@ from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import mean_heading
-from wbc.walking.plans.reach import Leg
+from wbc.walking.plans.leg import Leg
 from wbc.walking.plans.sources import DriveSettings
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, WholeBody
-from wbc.walking.swing import FootMotion
 from wbc.walking.table import TaskGains
 
 START = 0.1

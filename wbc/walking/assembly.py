@@ -16,8 +16,10 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.walking.lipm.walk import LipmWalk
+from wbc.walking.plans.check import Extent, check_plan
 from wbc.walking.plans.footsteps import FootstepPlan, check_start
-from wbc.walking.plans.reach import Extent, Leg, Reach, check_plan
+from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.reach import Reach
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import ReferenceSource
 from wbc.walking.stepping.gait import SteppingWalk

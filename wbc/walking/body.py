@@ -26,7 +26,7 @@ from wbc.core.trajectories import approach
 from wbc.tasks.motion.frame import LookAtTask, PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.plans.reach import Leg, vertical_joint
+from wbc.walking.plans.leg import Leg, vertical_joint
 from wbc.walking.source import ReferenceSource
 
 SPEED, ACCELERATION = 0.1, 0.5

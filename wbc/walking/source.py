@@ -27,8 +27,8 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.steering import Steering
-from wbc.walking.swing import FootMotion
 
 
 class WholeBody(NamedTuple):

@@ -10,8 +10,8 @@ import math
 
 from wbc.base.errors import InputError
 from wbc.base.vectors import Point, along
+from wbc.walking.plans.check import Extent, over
 from wbc.walking.plans.footsteps import Place
-from wbc.walking.plans.reach import Extent, over
 from wbc.walking.plans.sources import Velocity, VelocityLimits
 
 

@@ -18,13 +18,13 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import PlanSource
+from wbc.walking.plans.swing import SwingFoot
 from wbc.walking.stepping.course import FallCourse
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Divergent
 from wbc.walking.stepping.path import StepVelocity
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.stepping.single_support import SetOff
-from wbc.walking.swing import SwingFoot
 
 STILL = StepVelocity((0.0, 0.0), True)
 

@@ -10,7 +10,8 @@ from task_factory import ROBOTS, make_robot
 
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.plans.reach import SPANS, Leg
+from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.reach import SPANS
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import (
     LONGEST,

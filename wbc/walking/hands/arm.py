@@ -28,7 +28,7 @@ from wbc.core.trajectories import Ramp
 from wbc.tasks.force.compliance import AdmittanceTask
 from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
 from wbc.walking.hands.way import HandWay, Route
-from wbc.walking.swing import REST
+from wbc.walking.plans.swing import REST
 
 STIFFNESS, BLEND = 100.0, 0.3
 """Stiffness of the task of a hand, 1/s²; time over which its weight rises and falls, s."""

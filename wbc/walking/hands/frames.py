@@ -15,7 +15,7 @@ from wbc.core.frames import heading, pose, pose_of, yaw_rotation
 from wbc.core.qp.controller import Controller
 from wbc.core.trajectories import Follower
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.swing import REST, FootMotion
+from wbc.walking.plans.swing import REST, FootMotion
 
 WORLD, PELVIS, FEET = "world", "pelvis", "feet"
 """Frames that are always there. That of the feet is in the middle of both planned feet, as high as the lower one,

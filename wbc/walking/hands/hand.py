@@ -41,7 +41,7 @@ from wbc.walking.hands.force import PressForce
 from wbc.walking.hands.frames import FEET, WORLD
 from wbc.walking.hands.sensor import WristSensor
 from wbc.walking.hands.way import Route
-from wbc.walking.swing import REST
+from wbc.walking.plans.swing import REST
 
 GAP, CLEARANCE = 0.01, 0.05
 """Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach, m."""

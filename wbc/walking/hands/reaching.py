@@ -24,7 +24,7 @@ from wbc.core.robot import BASE_DOF
 from wbc.walking.hands.arm import Arm, ArmSettings
 from wbc.walking.hands.frames import FEET, TargetFrames
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.swing import FootMotion
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.tasks import WalkTasks
 
 SIGNS = {"left_hand": 1.0, "right_hand": -1.0}

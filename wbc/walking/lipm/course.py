@@ -57,11 +57,11 @@ class PlannedCourse:
         pendulum, off = self.pattern.at(self.since), self._off
         if abs(off.value) + abs(off.velocity) / self.preview.omega < ROUNDING:
             return pendulum
-        com, velocity, acceleration, *rest = pendulum
+        com, velocity, acceleration, zmp, zmp_velocity, omega = pendulum
         way, speed, push = (
             np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)
         )
-        return Pendulum(com + way, velocity + speed, acceleration + push, *rest)
+        return Pendulum(com + way, velocity + speed, acceleration + push, zmp, zmp_velocity, omega)
 
 
 def _plane(vector: Array) -> complex:

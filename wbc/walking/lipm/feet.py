@@ -22,7 +22,7 @@ from wbc.walking.lipm.course import PlannedCourse
 from wbc.walking.lipm.phases import PlanPhases
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.reach import Reach
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.plans.swing import FootMotion, SwingFoot
 
 SOFT = 0.5
 """Speed at touch-down over that at the landing height, on level ground."""

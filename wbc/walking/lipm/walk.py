@@ -31,8 +31,9 @@ from wbc.walking.lipm.feet import PlannedFeet
 from wbc.walking.lipm.phases import HOLD, PlanPhases
 from wbc.walking.lipm.settings import WalkSettings, law_of
 from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
+from wbc.walking.plans.check import Extent, check_plan
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
-from wbc.walking.plans.reach import Extent, Reach, check_plan
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
     AHEAD,
     AT_REST,

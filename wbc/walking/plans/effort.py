@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import StepGait
-from wbc.walking.swing import RISE, SwingFoot
+from wbc.walking.plans.swing import RISE, SwingFoot
 
 HIP, KNEE, PUSH = 0.8, 1.03, 0.69
 """Ratios of the speeds of hip and knee, and of the acceleration of the foot, that a swing of full size may ask for: a

@@ -17,8 +17,9 @@ from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES
+from wbc.walking.plans.check import Extent, check_extent, check_plan
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, other
-from wbc.walking.plans.reach import Extent, Reach, check_extent, check_plan
+from wbc.walking.plans.reach import Reach
 
 logger = logging.getLogger(__name__)
 

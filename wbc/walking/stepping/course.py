@@ -9,9 +9,9 @@ import numpy as np
 from wbc.base.vectors import Point, Vector
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.plans.swing import REST
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.settings import RobotSize
-from wbc.walking.swing import REST
 
 CoMMotion = tuple[float, float, float, float, float, float]
 """Place, m, velocity, m/s, and acceleration, m/s², over the ground."""

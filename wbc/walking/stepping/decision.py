@@ -18,11 +18,11 @@ from wbc.base.vectors import Point, Vector
 from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.swing import RISE
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import GaitValues
-from wbc.walking.swing import RISE
 
 MISSED, LATER = 0.02, 8
 """Distance by which a foot may miss its place, m; number of later times that are tried where it misses more."""

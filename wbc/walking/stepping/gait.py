@@ -30,9 +30,10 @@ from wbc.core.frames import heading
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.check import Extent, over
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import Extent, Reach, over
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
     REPLAN,
     FootstepSource,
@@ -42,6 +43,7 @@ from wbc.walking.plans.sources import (
     Velocity,
     answer_of,
 )
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import HeightCourse
@@ -50,7 +52,6 @@ from wbc.walking.stepping.felt import BodyReader, BodyState, Frames, GaitState
 from wbc.walking.stepping.path import PathSteering, StepVelocity
 from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.stepping.single_support import SetOff, SingleSupport
-from wbc.walking.swing import FootMotion
 
 logger = logging.getLogger(__name__)
 

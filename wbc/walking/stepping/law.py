@@ -28,8 +28,8 @@ from typing import NamedTuple
 
 from wbc.base.vectors import Point, Vector, add_cross, along
 from wbc.core.robot import GRAVITY
+from wbc.walking.plans.swing import RISE
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
-from wbc.walking.swing import RISE
 
 SIDEWAYS = 0.8
 """Greatest ratio of the distance between the feet by which they come together in a walk to the side."""

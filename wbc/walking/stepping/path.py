@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, along
+from wbc.walking.plans.check import Extent
 from wbc.walking.plans.footsteps import Place
-from wbc.walking.plans.reach import Extent
 from wbc.walking.plans.sources import AT_REST, Velocity, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.law import SIDEWAYS, Pace

@@ -17,7 +17,8 @@ from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Number, Positive, Ratio, Share, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.gait import SwingShape
-from wbc.walking.plans.reach import SPANS, Leg
+from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.reach import SPANS
 
 Pair = tuple[NonNegative, NonNegative]
 

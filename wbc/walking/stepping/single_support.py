@@ -20,6 +20,7 @@ from wbc.walking.contact import Event, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
+from wbc.walking.plans.swing import RISE, SwingFoot
 from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import FallCourse, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState
@@ -27,7 +28,6 @@ from wbc.walking.stepping.felt import GaitState
 from wbc.walking.stepping.law import SIDE, Orbit, StanceAxes
 from wbc.walking.stepping.settings import GaitValues, swing_shape
 from wbc.walking.stepping.touch import SwingTouch
-from wbc.walking.swing import RISE, SwingFoot
 
 LOOKS = 2
 """Number of decisions between two looks at the ground under a landing that moves with each of them."""

@@ -8,10 +8,10 @@ from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, moved
+from wbc.walking.plans.swing import SwingFoot
 from wbc.walking.stepping.felt import ORIGIN, GaitState
 from wbc.walking.stepping.law import Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import GaitValues
-from wbc.walking.swing import SwingFoot
 
 MOST_URGENCY, LEAST_TIME = 0.5, 0.8
 """Urgency of the swing foot up to which its speed is a sign of a push, and time of the step over T from which on."""
