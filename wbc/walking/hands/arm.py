@@ -284,12 +284,7 @@ class Arm:
         if acceleration is not None and not timed:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        order = (
-            goal.homogeneous.tolist(),
-            frame,
-            turn,
-            [np.asarray(limit).tolist() for limit in limits.values()],
-        )
+        order = goal.homogeneous.tolist(), frame, turn, str(limits)
         if order != self._order:
             self.send(Route([goal], frame, turn, [limits] if timed else ()), led=False)
             self._order = order

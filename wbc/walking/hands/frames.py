@@ -13,6 +13,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, lag_gain
 from wbc.core.frames import heading, pose, pose_of, yaw_rotation
 from wbc.core.qp.controller import Controller
+from wbc.core.robot import SIDES
 from wbc.core.trajectories import Follower
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.swing import REST, FootMotion
@@ -128,8 +129,7 @@ def _between(left: Array, right: Array) -> Array:
 
 def _way(feet: Sequence[FootMotion], steps: Sequence[Footstep], most: float) -> float:
     """Return the way that the middle of the feet still goes in these steps, at most a length, m."""
-    way, (left, right) = 0.0, feet
-    at = {"left": left.placement.translation, "right": right.placement.translation}
+    way, at = 0.0, {side: foot.placement.translation for side, foot in zip(SIDES, feet, strict=True)}
     for step in steps:
         if way >= most:
             break

@@ -302,16 +302,16 @@ class Hands:
             if other is not each and other.state is not HandState.FREE:
                 held += self._zmp_moved(other.ordered * other.direction, other.destination)
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
-        lost, each_newton = (
+        lost, moved = (
             np.maximum(np.sign(own) * held, 0.0),
             np.abs(own),
-        )  # what is lost with it, on its side
-        most = float(np.min((room - lost) / np.maximum(each_newton, ROUNDING)))
+        )  # with it, on its side; by each 1 N of it
+        most = float(np.min((room - lost) / np.maximum(moved, ROUNDING)))
         if force > most:
-            moved = 1e3 * math.hypot(*(lost + force * each_newton))
+            off = 1e3 * math.hypot(*(lost + force * moved))
             raise InputError(
                 f"{hand} may press with at most {max(most, 0.0):.0f} N there, as the surface may give way: a sudden "
-                f"loss of {force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give "
+                f"loss of {force:g} N would move the ZMP by {off:.0f} mm, beyond the edge of the soles; give "
                 "firm=True for a surface that cannot give way"
             )
 
