@@ -455,7 +455,7 @@ def test_all_but_the_last_two_free_steps_may_be_put_on_better_ground_within_reac
     count = len(w.phases.plan)
     for w.phases.step, free in ((0, True), (count - 3, True), (count - 2, False), (count - 1, False)):
         assert (w.feet._near(w.phases.landing) is not None) == free
-        assert w.feet._near(replace(w.phases.landing, place="fixed")) is None
+        assert w.feet._near(replace(w.phases.landing, fixed=True)) is None
     w.phases.step = 0
     near, step = w.feet._near(w.phases.plan.steps[0]), w.phases.plan.steps[0]
     assert near is not None

@@ -434,10 +434,10 @@ def test_a_footstep_is_seen_from_another_one_in_its_heading() -> None:
         assert step.seen_from(stance) == pytest.approx((0.3, 0.2, 0.05, 0.4))
         world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 1.1), np.array([0.3, 0.2, 0.5]))
         assert step.moved(world).seen_from(stance.moved(world)) == pytest.approx((0.3, 0.2, 0.05, 0.4))
-    tilted = Footstep("left", 0.1, 0.2, 0.3, 0.4, 0.05, -0.06, "fixed")
+    tilted = Footstep("left", 0.1, 0.2, 0.3, 0.4, 0.05, -0.06, fixed=True)
     again = Footstep.of("left", tilted.placement)
     assert (again.pitch, again.roll, again.yaw) == pytest.approx((0.05, -0.06, 0.4))
-    assert tilted.moved(pin.SE3.Identity()).place == "fixed"
+    assert tilted.moved(pin.SE3.Identity()).fixed
 
 
 def test_a_program_without_a_solution_has_none() -> None:

@@ -118,7 +118,7 @@ def test_fixed_steps_stay_where_they_are() -> None:
     fixed = FootstepPlan(
         plan.left,
         plan.right,
-        tuple(Footstep(s.side, s.x, s.y, s.z, s.yaw, place="fixed") for s in plan.steps),
+        tuple(Footstep(s.side, s.x, s.y, s.z, s.yaw, fixed=True) for s in plan.steps),
         plan.gait,
     )
     _, landed = walk(robot, rough(0), plan=fixed)
@@ -126,9 +126,9 @@ def test_fixed_steps_stay_where_they_are() -> None:
         assert (a.x, a.y) == pytest.approx((b.x, b.y), abs=1e-6)
     assert max(step.z for step in landed) > 0.01
     moved = fixed.moved(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 1.0), np.array([1.0, 2.0, 0.0])))
-    assert {step.place for step in moved.steps} == {"fixed"}
-    with pytest.raises(InputError, match="place"):
-        Footstep("left", 0.0, 0.0, place="here")
+    assert all(step.fixed for step in moved.steps)
+    with pytest.raises(InputError, match="True or False"):
+        Footstep("left", 0.0, 0.0, fixed="here")  # type: ignore[arg-type]
 
 
 def test_unknown_ground_is_walked_blind_to_the_bit() -> None:

@@ -268,7 +268,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
     ahead = [
         Footstep(SIDES[(swing + k) % 2], 0.1 * k, 0.11 if (swing + k) % 2 == 0 else -0.11) for k in range(3)
     ]
-    fixed = [dataclasses.replace(ahead[0], place="fixed"), *ahead[1:]]
+    fixed = [dataclasses.replace(ahead[0], fixed=True), *ahead[1:]]
     for sight, steps, footsteps, looks in (
         (None, 1, (), False),
         (object(), 0, (), False),

@@ -144,7 +144,7 @@ class PlannedFeet:
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
         plan, index = self._phases.plan, self._phases.step
-        if step.place == "fixed" or index >= len(plan) - 2:
+        if step.fixed or index >= len(plan) - 2:
             return None
         stance, reach = plan.stance(index), self._reach
         return lambda x, y: reach.allows(stance, replace(step, x=x, y=y))

@@ -26,9 +26,6 @@ from wbc.walking.plans.gait import Gait
 LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""
 
-PLACES = ("free", "fixed")
-"""Freedom of a footstep: a walk that sees may choose another place nearby, or not."""
-
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
@@ -60,7 +57,7 @@ class Footstep:
         yaw: Heading, rad.
         pitch: Slope along the foot, toe down positive, rad.
         roll: Slope across the foot, rad.
-        place: "free": a walk that sees may put the foot on better ground nearby; "fixed": it lands here.
+        fixed: True for a foot that lands here; False where a walk that sees may put it on better ground nearby.
     """
 
     side: str
@@ -70,14 +67,16 @@ class Footstep:
     yaw: float = 0.0
     pitch: float = 0.0
     roll: float = 0.0
-    place: str = "free"
+    fixed: bool = False
 
     def __post_init__(self) -> None:
         numbers = self.x + self.y + self.z + self.yaw + self.pitch + self.roll
-        if type(numbers) is float and math.isfinite(numbers) and self.side in SIDES and self.place in PLACES:
+        sound = self.side in SIDES and isinstance(self.fixed, bool)
+        if type(numbers) is float and math.isfinite(numbers) and sound:
             return  # by far the most: walks make one in every tick
         choose("side", self.side, SIDES)
-        choose("place of a footstep", self.place, PLACES)
+        if not isinstance(self.fixed, bool):
+            raise InputError(f"fixed of a footstep is True or False, got {shown(self.fixed)}")
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
             finite_scalar(f"{name} of a footstep", getattr(self, name))
 
@@ -100,7 +99,7 @@ class Footstep:
 
     def moved(self, world: pin.SE3) -> Footstep:
         """Return the footstep after a motion from its old place to the new one."""
-        return replace(Footstep.of(self.side, world * self.placement), place=self.place)
+        return replace(Footstep.of(self.side, world * self.placement), fixed=self.fixed)
 
     def beside(self, left: float) -> Place:
         """Return the place that is to the left of this one by a distance, m."""

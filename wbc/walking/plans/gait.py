@@ -147,7 +147,7 @@ class Gait:
     @cached_property
     def full(self) -> StepGait:
         """Gait with a number for every value; values that are not given have their defaults."""
-        return self if isinstance(self, StepGait) else StepGait(**self.given)
+        return StepGait(**self.given)
 
     @property
     def given(self) -> dict[str, Any]:
@@ -200,7 +200,7 @@ class Gait:
     @staticmethod
     @checked
     def at_speed(speed: Annotated[NonNegative, "m/s"], gait: Gait | None = None) -> StepGait:
-        """Return the gait for a speed, m/s; see `for_speed`."""
+        """Return the gait for a speed to two decimals, m/s; see `for_speed`."""
         return _at_speed(round(speed, 2), gait or Gait())
 
 
@@ -225,6 +225,11 @@ class StepGait(Gait):
     landing_height: Annotated[SizeOrZero, "m"] = 0.02
     search_depth: Annotated[Size, "m"] = 0.04
     search_time: Annotated[Size, "s"] = 0.3
+
+    @property
+    def full(self) -> StepGait:
+        """The gait itself."""
+        return self
 
     @property
     def cycle(self) -> float:

@@ -82,16 +82,23 @@ class DriveSettings:
 
 
 class Standing(NamedTuple):
-    """Feet from which a source plans."""
+    """Feet from which a source plans.
 
-    start: (
-        FootstepPlan  # feet on the ground, the one in the air where it will land, and the gait; without steps
-    )
-    first: str | None  # side that steps next; None for either
-    begun: int  # number of steps begun so far
-    swings: bool  # true while a foot is in the air
-    time: float  # since the start of the walk, s
-    reach: Reach | None = None  # of the legs; None where it is unknown, and steps are taken as they are
+    Attributes:
+        start: Feet on the ground, the one in the air where it will land, and the gait; without steps.
+        first: Side that steps next; None for either.
+        begun: Number of steps begun so far.
+        swings: True while a foot is in the air.
+        time: Time since the start of the walk, s.
+        reach: Reach of the legs; None where it is unknown, and steps are taken as they are.
+    """
+
+    start: FootstepPlan
+    first: str | None
+    begun: int
+    swings: bool
+    time: float
+    reach: Reach | None = None
 
 
 class FootstepSource(ABC):
@@ -194,7 +201,7 @@ class PlanSource(FootstepSource):
         for i, step in enumerate(steps):
             near = reach.nearest(stance, step)
             meant = self.plan.stance(done + i)
-            if near is step or step.place == "fixed" or reach.nearest(meant, step) is not step:
+            if near is step or step.fixed or reach.nearest(meant, step) is not step:
                 break
             found[i] = stance = near
         return found

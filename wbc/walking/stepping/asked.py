@@ -70,7 +70,7 @@ class Asked(NamedTuple):
     def may_move(self) -> bool:
         """True for a landing that may be moved on seen ground: footsteps that are fixed, and the last ones, stay."""
         steps = self.footsteps
-        return not steps or (len(steps) > 2 and steps[0].place != "fixed")
+        return not steps or (len(steps) > 2 and not steps[0].fixed)
 
 
 def steps_of_velocity(velocity: Point, width: float, state: StepState) -> Wish:
