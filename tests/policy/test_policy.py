@@ -288,6 +288,10 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
         "angular_velocity",
     ]
     PolicyControl(G1.robot(), file, DT)
+    for joints in ("3", '"left_knee_joint"', "[1, 2]", "[[1]]"):
+        (tmp_path / "a.toml").write_text(f"joints = {joints}\n{beside}[default]\na = 0.5\n", encoding="utf-8")
+        with pytest.raises(InputError, match="joints"):
+            PolicyDescription.of(file)
     (tmp_path / "a.toml").write_text(
         f"fastest = [0.3, 0.2, 0.1]\ndefault = {[0.0] * n}\n{beside}", encoding="utf-8"
     )

@@ -358,6 +358,41 @@ def test_the_bound_of_the_reaction_is_that_of_the_momentum_after_lost_ticks() ->
     )
 
 
+def test_torques_of_filtered_arms_keep_their_rate_from_what_was_commanded_last() -> None:
+    """After lost ticks there is no last command. A limit that raises leaves no rows of an earlier tick behind."""
+
+    class Broken(wbc.FramePositionLimit):
+        breaks = False
+
+        def write(self, dt: float, matrix: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+            if self.breaks:
+                raise ValueError("a limit of the user")
+            super().write(dt, matrix, lower, upper)
+
+    plant, policy = filtered({}, [limit := Broken("left_rubber_hand", lower=(-9.0, -9.0, -9.0))])
+    controller = policy.controller
+    controller.remove(next(each for each in controller.limits if isinstance(each, wbc.TorqueLimits)))
+    controller.add(wbc.TorqueLimits(rate=100.0))
+    robot, arms = controller.robot, policy._arms
+    asked = np.zeros(robot.na)
+    arms.near(measurement := plant.measure(), asked)
+    asked[15] = 5.0
+    np.testing.assert_allclose(arms.near(measurement, asked)[15], 100.0 * DT)
+    arms.forget_rate()
+    np.testing.assert_allclose(arms.near(measurement, asked)[15], 5.0)
+    limit.breaks = True
+    arms.near(measurement, np.zeros(robot.na))
+    assert "a limit of the user" in arms.failure
+    limit.breaks = False
+    q, v = np.array(robot.q), np.zeros(robot.nv)
+    q[7 + 15 :] += 0.5
+    v[6 + 15 :] = 0.5
+    robot.update(q, v)
+    arms.near(measurement, np.zeros(robot.na))
+    share = robot.mass_matrix[3:6, 6 + 15 :] @ v[6 + 15 :] / (arms._reaction * LASTS)
+    np.testing.assert_allclose(arms._upper[-3:], arms._reaction * np.clip(1.0 - share, -1.0, 1.0), atol=1e-12)
+
+
 def test_the_rate_of_a_carried_frame_is_differentiated_over_one_tick_alone() -> None:
     plant, policy = bobbing(arms=ARMS)
     measurement = plant.measure()

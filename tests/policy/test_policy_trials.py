@@ -129,7 +129,7 @@ def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(guarded: bool, 
     assert trial.run().outcome == "completed"
     policy = trial.control.policy if guarded else trial.control
     assert not guarded or trial.control.walking.ground is policy.ground
-    seen = policy._observation.values
+    seen = policy._period.observation.values
     height = policy.drives.observer.robot.placement("pelvis").translation[2]
     assert policy.ground.version > 0 and len(seen) == points
     np.testing.assert_allclose(seen, height - 0.5, atol=0.01)

@@ -18,7 +18,7 @@ from wbc.ground import KnownGround
 from wbc.ground.cloud import ElevationMap
 from wbc.motion import MotionClip
 from wbc.policy import HeightScan, OnnxNetwork, PolicyControl, PolicyDescription, Term
-from wbc.policy.references import ScannedGround
+from wbc.policy.references import ClipFrame, Frames, ScannedGround
 
 pytest.importorskip("onnxruntime")
 
@@ -138,12 +138,37 @@ def test_a_network_holds_a_motion_as_one_body_or_as_several(several: bool, tmp_p
             np.testing.assert_allclose(frame.anchor.translation, places[k, 1], atol=1e-6)
             rotation = pin.Quaternion(quaternions[k, 1]).matrix()
             np.testing.assert_allclose(frame.anchor.rotation, rotation, atol=1e-6)
-            np.testing.assert_allclose(policy._observation.values[:N], table["joint_pos"][k], atol=1e-6)
+            np.testing.assert_allclose(
+                policy._period.observation.values[:N], table["joint_pos"][k], atol=1e-6
+            )
     del table["joint_vel"]
     with pytest.raises(InputError, match="joint_vel"):
         OnnxNetwork(write_tracker(tmp_path / "half.onnx", table, 3 * N + 6))
     with pytest.raises(WbcError, match="anchor|body|frame"):
         PolicyControl(G1.robot(), file, DT, description=_anchored(description, "left_gripper"))
+
+
+def test_a_network_of_ones_own_holds_a_motion_and_is_doubted() -> None:
+    """Its actions are the frames that it is asked for: the policy sees the frame of each action."""
+
+    class Held(Known):
+        took = 0.05
+
+        def act(self, observation: np.ndarray, step: int) -> np.ndarray:
+            self(observation)
+            return np.full(N, 0.01 * step, np.float32)
+
+        def motion(self, anchor: str) -> Frames:
+            place = anchor_of(G1.robot().half_sitting)
+            return lambda step: ClipFrame(np.full(N, 0.01 * step), np.zeros(N), place)
+
+    network = Held(2 * N + 9, N)
+    plant, policy = control(network, described(observation=MOTION, anchor="torso_link"))
+    assert any("50.0 ms" in doubt for doubt in policy.doubts())
+    for _ in range(45):
+        plant.step(policy.command(plant.measure()))
+    np.testing.assert_allclose(np.array(network.seen)[:, 0], 0.01 * np.arange(5))
+    np.testing.assert_allclose(policy.observed.action, 0.04)
 
 
 def _anchored(description: PolicyDescription, anchor: str) -> PolicyDescription:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.policy import PolicyControl, PolicyDescription, Term
+from wbc.policy import Network, PolicyControl, PolicyDescription, Term
 
 DT = 0.002
 G1 = wbc.load_robot("g1")
@@ -19,7 +19,7 @@ LEGS = tuple(name for name in G1.joint_names if any(part in name for part in ("h
 TERMS = ("angular_velocity", "gravity", "command", "joint_position", "joint_velocity", "last_action")
 
 
-class Known:
+class Known(Network):
     """Network that remembers what it saw, and answers with a given action."""
 
     def __init__(self, inputs: int, outputs: int, action: float | Sequence[float] = 0.0) -> None:
@@ -148,7 +148,7 @@ def resting(**values: Any) -> PolicyDescription:
 def bobbing(**options: Any) -> tuple[wbc.Plant, PolicyControl]:
     """Return a policy that bends the knees by 0.15 rad and stretches them, once in a second, soles level."""
 
-    class Bob:
+    class Bob(Network):
         inputs, outputs = 2 + len(G1.joint_names), len(G1.joint_names)
         seen: list[np.ndarray] = []
 

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.base.checked import checked, fixed
-from wbc.base.errors import InputError, WbcError, names_in
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.errors import InputError, names_in
+from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Period, Positive
 from wbc.core.drive.control import State
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
-from wbc.core.frames import heading
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
@@ -35,30 +30,18 @@ from wbc.policy.description import PolicyDescription
 from wbc.policy.filter import FilterController, PolicyFilter
 from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
-from wbc.policy.observation import Observation
-from wbc.policy.references import Frames, GaitClock, ScannedGround, Tracked, clip_frames, network_frames
+from wbc.policy.period import PolicyPeriod
+from wbc.policy.references import ScannedGround, Tracked, clip_frames
+from wbc.policy.steering import Steering
 from wbc.policy.terms import Observed
-from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+from wbc.walking.plans.sources import Velocity, VelocityLimits
 from wbc.walking.source import Progress
 from wbc.walking.steered import SteeredControl
 
 logger = logging.getLogger(__name__)
 
-MOST_LACK = 0.5
-"""Greatest velocity that is asked for as well, m/s."""
-
-STILL = 0.01
-"""Velocity below which a policy is asked for a stand, m/s and rad/s: its clock rests."""
-
-SETTLES = 2.0
-"""Time in which a policy that is asked for a stand comes to one, s."""
-
 ANOTHER = "make another control"
 """Advice in place of the assignment of a part."""
-
-
-class PolicyError(WbcError):
-    """An action that is none: with a value that is not finite, or too late."""
 
 
 class PolicyControl(SteeredControl):
@@ -154,16 +137,12 @@ class PolicyControl(SteeredControl):
         self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.contacts, self.ground = FootContacts(robot, dt), ground
-        self._every = _ticks(description.period, dt)
-        self._regain, self._longest = regain, longest
-        self._range = _range(description)
+        self._steering = Steering(description, regain)
         self._rest = np.zeros(robot.na)
         self._rest.setflags(write=False)
 
         self._joints = joints = PolicyJoints(robot, description)
         n = len(joints.columns)
-        if network.outputs != n:
-            raise InputError(f"the network has actions of {network.outputs} values for {n} joints")
         self._arms = self._shared(names_in("arms", arms), filter)
         self.posture = self._arms.posture if isinstance(self._arms, MovedArms) else None
         self._sees_arms = bool(sees_arms)
@@ -171,20 +150,18 @@ class PolicyControl(SteeredControl):
         masked = np.zeros(0) if seen or self._arms is None else self._arms.index
         self._masked = np.isin(joints.columns, masked).nonzero()[0]
 
-        self._clock = GaitClock(description.phase, description.period)
         position, velocity, action = np.zeros((3, n))
         self.observed = Observed(
             robot=self.drives.observer.robot,
             position=position,
             velocity=velocity,
             action=action,
-            command=np.zeros(3),
-            phase=self._clock.phase,
+            command=self._steering.command,
+            phase=self._steering.clock.phase,
             motion=self._tracked(clip),
             ground=self._scanned(ground),
         )
-        self._observation = Observation(description.observation, self.observed, network.inputs)
-        self.velocity = None
+        self._period = PolicyPeriod(network, description, self.observed, dt, longest)
         for doubt in self.doubts():
             logger.warning("policy: %s", doubt)
         self._begin_policy()
@@ -196,7 +173,7 @@ class PolicyControl(SteeredControl):
         whose default position is beyond their stops, and a network that takes longer than its period.
         """
         found, period = self._joints.doubts(), self.description.period
-        if (took := getattr(self.network, "took", 0.0)) > period:
+        if (took := self.network.took) > period:
             found.append(
                 f"the network takes {1e3 * took:.1f} ms, longer than its period of {1e3 * period:g} ms"
             )
@@ -215,20 +192,17 @@ class PolicyControl(SteeredControl):
 
     def _tracked(self, clip: MotionClip | None) -> Tracked | None:
         """Return the motion that the policy tracks: a clip, or that in its network; None without one."""
-        robot, about, network = self.drives.observer.robot, self.description, self.network
+        robot, about = self.drives.observer.robot, self.description
         if not any(term.name.startswith("motion") for term in about.observation):
             if clip is not None:
                 raise InputError("the policy observes no motion: leave it out")
             return None
         anchor = about.anchor or robot.torso_frame
-        frames: Frames
-        if clip is not None:
-            frames = clip_frames(robot, clip, self._joints.columns, anchor, about.period)
-        elif isinstance(network, OnnxNetwork) and network.holds_motion:
-            frames = network_frames(network, anchor)
+        if clip is None:
+            frames = self.network.motion(anchor)
         else:
-            return None
-        return Tracked(robot, anchor, frames)
+            frames = clip_frames(robot, clip, self._joints.columns, anchor, about.period)
+        return None if frames is None else Tracked(robot, anchor, frames)
 
     def _scanned(self, ground: KnownGround | None) -> ScannedGround | None:
         """Return the ground that the policy sees; None of a blind policy."""
@@ -257,19 +231,14 @@ class PolicyControl(SteeredControl):
         return self._joints.kp.copy(), self._joints.kd.copy()
 
     def _begin_policy(self) -> None:
-        self._ticks = 0
         self.network_error: Exception | None = None
         self.acted = False
-        self._rested = 0.0  # time for which a stand has been asked for, s
-        self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
         if self._arms is not None:
             self._arms.reset()
-        self._observation.reset()
-        self.observed.action[:] = 0.0
-        self.observed.phase = self._clock.begin()
-        if self.motion is not None:
-            self.motion.begin()
+        self._period.begin()
+        self._steering.begin()
+        self.observed.phase = self._steering.clock.phase
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
@@ -287,20 +256,16 @@ class PolicyControl(SteeredControl):
 
         The policy is asked for what is within `PolicyDescription.slowest` and `fastest`.
         """
-        return self._velocity
+        return self._steering.velocity
 
     @velocity.setter
     def velocity(self, value: Sequence[float] | None) -> None:
-        velocity = checked_velocity(value)
-        self._velocity = None if value is None else velocity
-        np.clip(velocity, *self._range, out=self.observed.command)
-        self._stands = is_stand(self.observed.command)
+        self._steering.velocity = value
 
     @property
     def velocity_limits(self) -> VelocityLimits:
         """Largest velocities that the policy is made for, aside and in turns to either side."""
-        (back, *right), (forward, *left) = (np.abs(end).tolist() for end in self._range)
-        return VelocityLimits(forward, back, *map(min, right, left))
+        return self._steering.limits
 
     @property
     def progress(self) -> Progress:
@@ -310,7 +275,7 @@ class PolicyControl(SteeredControl):
     @property
     def done(self) -> bool:
         """True when no velocity has been asked for during the last 2 s, and after a fall."""
-        return self._rested >= SETTLES or self.fallen is not None
+        return self._steering.done or self.fallen is not None
 
     def act(self, state: State) -> Command:
         """End a tick: let the policy act once in its period, and return the command of the drives."""
@@ -323,19 +288,21 @@ class PolicyControl(SteeredControl):
         """
         self.acted = False
         if not self.drives.damped:
-            self._rested = self._rested + self.controller.dt if self._stands else 0.0
+            self._steering.wait(self.controller.dt)
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
                 if self.ground is not None:
                     self.ground.update(state.robot, state.measurement.time)
-            if state.ok and self._ticks % self._every == 0:
+            if self._period.tick() and state.ok:
                 self.acted = True
                 try:
-                    self._step(state)
+                    self.observe(state)
+                    self.observed.phase = self._steering.tick(state.robot)
+                    self._period.act()
+                    self.aim()
                     self.network_error = None
                 except Exception as error:  # of a network of the user's own
                     self.network_error = error
-            self._ticks += 1
             if state.ok and self.network_error is not None:  # until the next action
                 state = self.drives.refuse(state, self.network_error)
         return state
@@ -354,43 +321,6 @@ class PolicyControl(SteeredControl):
         """Return the targets of all servos after an action, shape (na,), rad; a subclass may change them in place."""
         self._joints.aim(self.observed.action)
         return self._joints.target
-
-    def _step(self, state: State) -> None:
-        """Observe, and let the network choose the next targets."""
-        observed = self.observed
-        self.observe(state)
-        if self._regain:
-            self._ask_for_more(state.robot)
-        observed.phase = self._clock.tick(is_stand(observed.command))
-        network: Callable[..., NDArray[np.float32]] = self.network
-        if observed.motion is not None:
-            if isinstance(self.network, OnnxNetwork):
-                network = partial(network, step=observed.motion.step)
-            observed.motion.tick()
-        observation, start = self._observation.take(), perf_counter()
-        action = network(observation)
-        if self._longest is not None and (took := perf_counter() - start) > self._longest:
-            raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self._longest:g} ms")
-        if not np.isfinite(action).all():
-            raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
-        most = self.description.action_clip
-        np.clip(action, -most, most, out=observed.action)
-        self.aim()
-
-    def _ask_for_more(self, robot: Robot) -> None:
-        """Ask for the velocity that the robot lacks, too; for none in a stand."""
-        if self._stands:
-            self._lack[:] = 0.0
-            return
-        towards = heading(robot.placement(robot.base_frame).rotation)
-        cos, sin = math.cos(towards), math.sin(towards)
-        x, y, _ = robot.com_velocity.tolist()
-        asked = np.array(self._velocity)
-        missing = asked[:2] - (cos * x + sin * y, cos * y - sin * x)
-        self._lack += self.description.period * self._regain * missing
-        np.clip(self._lack, -MOST_LACK, MOST_LACK, out=self._lack)
-        asked[:2] += self._lack
-        np.clip(asked, *self._range, out=self.observed.command)
 
     def servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now.
@@ -429,11 +359,6 @@ class PolicyControl(SteeredControl):
         return said if status == "ok" else f"{said}; {status}"
 
 
-def is_stand(velocity: Array) -> bool:
-    """Return True for a velocity, ahead and aside, m/s, and turn, rad/s, at which a policy is to stand."""
-    return not (np.abs(velocity) >= STILL).any()
-
-
 def _described(
     policy: str | Path | Network, description: PolicyDescription | None
 ) -> tuple[Network, PolicyDescription]:
@@ -444,19 +369,3 @@ def _described(
         return policy, description
     network = OnnxNetwork(policy)
     return network, description or PolicyDescription.of(policy, network.metadata)
-
-
-def _ticks(period: float, dt: float) -> int:
-    """Return the number of control periods, s, in the period of a policy, s."""
-    ticks = round(period / dt)
-    if ticks < 1 or abs(ticks * dt - period) > ROUNDING:
-        raise InputError(
-            f"the period of the policy, {period:g} s, must be a multiple of the control period, {dt:g} s"
-        )
-    return ticks
-
-
-def _range(description: PolicyDescription) -> tuple[Array, Array]:
-    """Return the least and the largest velocity that a policy is made for, shape (3,) each, m/s and rad/s."""
-    fastest = np.array(description.fastest)
-    return -fastest if description.slowest is None else np.array(description.slowest), fastest

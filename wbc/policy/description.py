@@ -170,8 +170,9 @@ class PolicyDescription:
                 f"the policy {shown_path(file)} does not say its {', '.join(missing)}: put what its metadata lack into "
                 f"{shown_path(beside)}; `wbc.policy.PolicyDescription` says what each key means"
             )
-        if isinstance(values["default"], Mapping):
-            values["default"] = _by_joint(values["default"], values["joints"])
+        names, default = values["joints"], values["default"]
+        if isinstance(default, Mapping) and isinstance(names, list) and {*map(type, names)} == {str}:
+            values["default"] = _by_joint(default, names)
         return from_json(cls, values)
 
     @classmethod

@@ -135,9 +135,9 @@ class FilteredArms(PolicyArms):
         self._limits: tuple[Limit, ...] | None = None  # for which there is room
 
     def forget_rate(self) -> None:
-        """See `PolicyArms.forget_rate`; the inertia by which the momentum changes is not that of the tick before."""
+        """See `PolicyArms.forget_rate`; torques and inertia of the last filtered tick are not those before the next."""
         super().forget_rate()
-        self._limits = None  # room for them has the inertia of the next tick
+        self._made = self._limits = None  # room for limits has the inertia of the next tick
 
     def _place(self, limits: tuple[Limit, ...]) -> None:
         """Make room for the rows of limits."""
@@ -189,7 +189,9 @@ class FilteredArms(PolicyArms):
             least, most = self._torque_limits.interval(self.controller.dt, self._made)
         bounds = least.take(index), most.take(index)
         arms = self._tried(self._solve, measurement, torques.take(index), bounds)
-        if arms is not None:
+        if arms is None:
+            self._limits = None  # rows that have not been written have the inertia of an earlier tick
+        else:
             torques[index] = arms
         self._made = torques.copy()
         return torques

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.base.errors import InputError, shown, shown_path
+from wbc.base.errors import InputError, choose, shown, shown_path
 from wbc.base.files import decoding
 from wbc.base.numbers import Array
+from wbc.core.conventions import rotation_of
+from wbc.core.frames import pose_of
+from wbc.policy.references import ClipFrame, Frames
 
 STEP = "time_step"
 """Input of a network that holds a motion: the number of a frame."""
@@ -29,22 +33,36 @@ LARGEST = 1 << 30
 """Largest file of a network, bytes."""
 
 
-class Network(Protocol):
-    """Function of an observation that a policy is, such as an `OnnxNetwork` or one of your own.
+class Network(ABC):
+    """Function of an observation that a policy is: an `OnnxNetwork`, or a subclass of your own.
 
     Attributes:
         inputs: Number of values of an observation.
         outputs: Number of values of an action.
+        took: Time that an action takes, s; 0 where it is not known.
     """
 
     inputs: int
     outputs: int
+    took: float = 0.0
 
+    @abstractmethod
     def __call__(self, observation: NDArray[np.float32], /) -> NDArray[np.float32]:
         """Return the action, shape (outputs,), of an observation, shape (inputs,)."""
 
+    def act(self, observation: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+        """Return the action for a frame of the tracked motion, by its number; the number says nothing to most."""
+        return self(observation)
 
-class OnnxNetwork:
+    def motion(self, anchor: str) -> Frames | None:
+        """Return the frames of the motion that the network holds, with the placement of a frame of the robot.
+
+        None for a network without a motion.
+        """
+        return None
+
+
+class OnnxNetwork(Network):
     """Network of an ONNX file, on one thread of the processor; needs the extra "policy".
 
     A second input `time_step` is the number of a frame of the motion in the network, whose outputs `joint_pos`,
@@ -128,6 +146,23 @@ class OnnxNetwork:
         """Return the action, shape (outputs,), of an observation, shape (inputs,), for a frame of the motion in it."""
         action: NDArray[np.float32] = self._run([self._output], observation, step)[0][0]
         return action
+
+    def act(self, observation: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+        """See `Network.act`."""
+        return self(observation, step)
+
+    def motion(self, anchor: str) -> Frames | None:
+        """See `Network.motion`; an `InputError` for an anchor that is none of the bodies of the network."""
+        if not self.holds_motion:
+            return None
+        bodies = [name.strip() for name in self.metadata.get("body_names", "").split(",")]
+        body = bodies.index(choose("body of the motion in the network", anchor, bodies)) if bodies[0] else 0
+
+        def frames(step: int) -> ClipFrame:
+            position, velocity, place, quaternion = self.frame(step, body)
+            return ClipFrame(position, velocity, pose_of(rotation_of(quaternion), place))
+
+        return frames
 
     def frame(self, step: int, body: int = 0) -> tuple[Array, Array, Array, Array]:
         """Return a frame of the motion in the network, by its number.

@@ -10,15 +10,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive, settings
-from wbc.core.conventions import rotation_of
 from wbc.core.frames import heading, pose_of, yaw_rotation
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
-from wbc.policy.network import OnnxNetwork
 
 STANDING = (math.pi, math.pi)
 """Phases of the feet of a robot that stands, rad."""
@@ -122,22 +120,6 @@ def clip_frames(
         k = min(step, last)
         pin.framesForwardKinematics(model, data, q[k])
         return ClipFrame(joints[k], velocities[k], data.oMf[frame].copy())
-
-    return frames
-
-
-def network_frames(network: OnnxNetwork, anchor: str) -> Frames:
-    """Return the frames of the motion that a network holds, as its outputs state them.
-
-    Raises:
-        InputError: An anchor that is none of the bodies of the network.
-    """
-    bodies = [name.strip() for name in network.metadata.get("body_names", "").split(",")]
-    body = bodies.index(choose("body of the motion in the network", anchor, bodies)) if bodies[0] else 0
-
-    def frames(step: int) -> ClipFrame:
-        position, velocity, place, quaternion = network.frame(step, body)
-        return ClipFrame(position, velocity, pose_of(rotation_of(quaternion), place))
 
     return frames
 

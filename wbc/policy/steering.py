@@ -1,0 +1,95 @@
+"""Steering of a policy: the velocity that it is asked for, what the robot lacks of it, and the clock of the gait."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.base.numbers import Array
+from wbc.core.frames import heading
+from wbc.core.robot import Robot
+from wbc.policy.description import PolicyDescription
+from wbc.policy.references import GaitClock
+from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+
+MOST_LACK = 0.5
+"""Greatest velocity that is asked for as well, m/s."""
+
+STILL = 0.01
+"""Velocity below which a policy is asked for a stand, m/s and rad/s: its clock rests."""
+
+SETTLES = 2.0
+"""Time in which a policy that is asked for a stand comes to one, s."""
+
+
+class Steering:
+    """Velocity that a policy is asked for, within the range that it is made for.
+
+    Attributes:
+        command: Velocity that the policy is asked for, with what the robot lacks of it: ahead and aside, m/s, and turn,
+            rad/s, shape (3,).
+        clock: Clock of the gait, which rests in a stand.
+        limits: Largest velocities that the policy is made for, aside and in turns to either side.
+    """
+
+    def __init__(self, description: PolicyDescription, regain: float) -> None:
+        """Ask for a stand; `regain` is the share of what lacks that is asked for as well after 1 s, 1/s."""
+        fastest = np.array(description.fastest)
+        slowest = -fastest if description.slowest is None else np.array(description.slowest)
+        (back, *right), (forward, *left) = np.abs(slowest).tolist(), fastest.tolist()
+        self.limits = VelocityLimits(forward, back, *map(min, right, left))
+        self.clock = GaitClock(description.phase, description.period)
+        self._range, self._gain = (slowest, fastest), description.period * regain
+        self.command, self._asked, self._lack = np.zeros(3), np.zeros(3), np.zeros(2)
+        self.velocity = None
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew with a robot that stands, and with the velocity that is asked for."""
+        self._rested = 0.0  # time for which a stand has been asked for, s
+        self._lack[:] = 0.0  # velocity that is asked for as well, m/s
+        self.command[:] = self._asked
+        self.clock.begin()
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Velocity that is asked for, without what lacks of it; None for a stand."""
+        return self._velocity
+
+    @velocity.setter
+    def velocity(self, value: Sequence[float] | None) -> None:
+        velocity = checked_velocity(value)
+        self._velocity = None if value is None else velocity
+        asked = np.clip(velocity, *self._range)
+        self._stands = not (np.abs(asked) >= STILL).any()
+        turned = np.sign(asked[:2]) != np.sign(self._asked[:2])
+        self._lack[turned | self._stands] = 0.0  # it was that of another direction
+        self._asked = asked
+        self.command[:] = asked
+
+    @property
+    def done(self) -> bool:
+        """True when a stand has been asked for during the last 2 s."""
+        return self._rested >= SETTLES
+
+    def wait(self, dt: float) -> None:
+        """Let time pass, s."""
+        self._rested = self._rested + dt if self._stands else 0.0
+
+    def tick(self, robot: Robot) -> Array:
+        """Ask for what the robot lacks, too, and return the phases of its feet in this period of the policy, rad.
+
+        Nothing is asked for as well in a stand, and what lacks turns no velocity around.
+        """
+        if self._gain and not self._stands:
+            towards, ahead = heading(robot.placement(robot.base_frame).rotation), self._asked[:2]
+            cos, sin = math.cos(towards), math.sin(towards)
+            x, y, _ = robot.com_velocity.tolist()
+            self._lack += self._gain * (ahead - (cos * x + sin * y, cos * y - sin * x))
+            np.clip(self._lack, -MOST_LACK, MOST_LACK, out=self._lack)
+            self.command[:2] = ahead + self._lack
+            self.command[:2][self.command[:2] * ahead < 0.0] = 0.0
+            np.clip(self.command, *self._range, out=self.command)
+        return self.clock.tick(self._stands)
