@@ -45,23 +45,10 @@ HASHED = (
     *("soles", "imu", "torso", "servo", "base", "half_sitting", "armature", "hands", "gains", "damping"),
     *("frictionloss", "springs", "torque_ranges", "foot_inertia", "closures", "passive"),
 )
-"""Fields that models are made from beside the mechanism, in the order of their hash; further ones come behind."""
+"""Data that models are made from beside the mechanism, in the order of their hash; further fields come behind."""
 
-UNHASHED = frozenset(
-    [
-        "name",
-        "mechanism",
-        "package_dirs",
-        "height",
-        "source",
-        "licence",
-        "derived",
-        "doubtful",
-        "locked",
-        "sensors",
-    ]
-)
-"""Fields that no model depends on, and the mechanism, which is hashed as a URDF."""
+UNHASHED = {"hashed": False}
+"""Metadata of fields that no model depends on, and of the mechanism, which is hashed as a URDF."""
 
 
 @checked
@@ -106,8 +93,8 @@ class RobotDescription:
             does not have; `doubts` adds what the values say.
     """
 
-    name: str
-    mechanism: Mechanism
+    name: str = field(metadata=UNHASHED)
+    mechanism: Mechanism = field(metadata=UNHASHED)
     soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
     armature: Annotated[Mapping[str, NonNegative], "kg m²"]
@@ -123,14 +110,14 @@ class RobotDescription:
     passive: tuple[str, ...] = ()
     closures: tuple[Closure, ...] = ()
     foot_inertia: Mapping[str, Inertia] = field(default_factory=dict)
-    locked: Mapping[str, float] = field(default_factory=dict)
-    sensors: Mapping[str, str] = field(default_factory=dict)
-    package_dirs: tuple[str, ...] = ()
-    height: Annotated[Positive, "m"] | None = None
-    source: str = "given by the user"
-    licence: str = "unknown"
-    derived: tuple[str, ...] = ()
-    doubtful: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict, metadata=UNHASHED)
+    sensors: Mapping[str, str] = field(default_factory=dict, metadata=UNHASHED)
+    package_dirs: tuple[str, ...] = field(default=(), metadata=UNHASHED)
+    height: Annotated[Positive, "m"] | None = field(default=None, metadata=UNHASHED)
+    source: str = field(default="given by the user", metadata=UNHASHED)
+    licence: str = field(default="unknown", metadata=UNHASHED)
+    derived: tuple[str, ...] = field(default=(), metadata=UNHASHED)
+    doubtful: tuple[str, ...] = field(default=(), metadata=UNHASHED)
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -152,6 +139,8 @@ class RobotDescription:
         by_joint = self.half_sitting, self.armature, self.gains, self.damping, self.frictionloss, self.springs
         for name in (*itertools.chain.from_iterable(by_joint), *self.passive):
             choose("joint", name, names)
+        if len(set(self.passive)) < len(self.passive):
+            raise InputError(f"passive joints must be named once each, got {', '.join(self.passive)}")
         for name in self.foot_inertia:
             choose("sole", name, frames.SOLE_NAMES)
         for name, (low, high) in self.torque_ranges.items():
@@ -392,7 +381,7 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of all data that models are made from, 12 hexadecimal digits."""
-        further = {item.name for item in fields(self)} - {*HASHED} - UNHASHED
+        further = {item.name for item in fields(self) if item.metadata != UNHASHED} - {*HASHED}
         values = [getattr(self, name) for name in (*HASHED, *sorted(further))]
         content = (
             write_urdf.write(self.mechanism, "", {}, shapes=True),

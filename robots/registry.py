@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -57,13 +57,16 @@ def register(name: str, factory: Callable[[], RobotDescription]) -> None:
 
 
 def name_of(robot: RobotDescription | Any) -> Any:
-    """Return the name by which `load` finds a description in this process; what is none is returned as it is."""
+    """Return the name by which `load` finds a description in this process; what is none is returned as it is.
+
+    A copy of a built-in robot, such as one from another process, has the name of that robot.
+    """
     if not isinstance(robot, RobotDescription):
         return robot
-    name = f"{robot.name}#{robot.digest}"
     known = _FACTORIES.get(robot.name)
-    if known is not None and _load(robot.name, known) is robot:
+    if known is not None and _load(robot.name, known).digest == robot.digest:
         return robot.name
+    name = f"{robot.name}#{robot.digest}"
     _GIVEN[name] = robot
     return name
 
@@ -90,6 +93,8 @@ def stamped(name: str) -> str:
 @checked
 def load(name: str | Path) -> RobotDescription:
     """Return the description of a robot; every call with the same name returns the same object.
+
+    Of files the last 32 are kept.
 
     Args:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
@@ -126,7 +131,7 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
     return description
 
 
-@cache
+@lru_cache(maxsize=32)
 def _read(path: str, _: tuple[files.Stamp, ...]) -> RobotDescription:
     """Read a robot file, anew when it or a file that it refers to has changed."""
     return files.read(path)

@@ -153,6 +153,17 @@ def test_torques_of_a_law_are_within_the_limits_of_the_robot(gains: bool) -> Non
         applied = sent.drive_torque(*own_state, (own.none, own.none))
         assert (np.abs(applied) <= limit * (1.0 + 1e-9)).all()
         assert (np.abs(sent.joint_torque) <= limit).all()
+        assert f"command clipped: {', '.join(HRP4.joint_names)}" in own.drives.status()
+    own.drives.relay(state, lambda _: wbc.Command(own.none))
+    assert own.drives.status() == "ok"
+
+
+def test_joints_that_a_law_has_clipped_by_the_gate_itself_are_told() -> None:
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    own.rest = own.rest.copy()
+    own.rest[3] += 1.0  # faster than the joint
+    own.command(m)
+    assert own.status() == f"command clipped: {HRP4.joint_names[3]}"
 
 
 def test_a_law_with_a_negative_gain_fails_the_tick() -> None:

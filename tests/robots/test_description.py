@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "unknown spring": ({"springs": {"knee": (1.0, 0.0)}}, "'knee'"),
     "unknown passive": ({"passive": ("knee",)}, "'knee'"),
+    "passive twice": ({"passive": ("l_knee", "l_knee")}, "named once each, got l_knee, l_knee"),
     "unknown range": ({"torque_ranges": {"knee": (-1.0, 1.0)}}, "'knee'"),
     "reversed range": ({"torque_ranges": {"l_knee": (10.0, 5.0)}}, "'l_knee' must have low < high"),
     "empty range": ({"torque_ranges": {"l_knee": (5.0, 5.0)}}, "'l_knee' must have low < high"),
@@ -223,7 +225,7 @@ def test_a_material_may_be_used_before_the_link_that_defines_it() -> None:
 
 def test_a_description_is_found_by_the_name_that_a_spec_keeps() -> None:
     g1, mine = load("g1"), own()
-    assert registry.name_of(g1) == "g1" and registry.name_of("g1") == "g1"
+    assert all(registry.name_of(each) == "g1" for each in (g1, "g1", pickle.loads(pickle.dumps(g1))))
     name = registry.name_of(mine)
     assert name == f"biped#{mine.digest}" and load(name) is mine and registry.stamped(name) == name
     disguised = dataclasses.replace(mine, name="g1")

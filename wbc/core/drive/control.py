@@ -423,7 +423,9 @@ class DriveControl(Control):
             return self._finish(self._damp(state))
         if state.ok:
             try:
-                command = self.gate.admit(asked := law(state), self.joints(state))
+                self.gate.faults = ()  # a law may make its command by the gate
+                asked = law(state)
+                command = self.gate.admit(asked, self.joints(state), self.gate.faults)
             except Exception as error:  # of a law of the user's own
                 state = self.refuse(state, error)
             else:

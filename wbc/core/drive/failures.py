@@ -114,7 +114,7 @@ class HeldCommand:
         torque, position, kp, kd = self._values
         if self._held == 1:
             return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
-        gate.reset(position)  # a law need not move the references of the gate
+        gate.move(position)  # a law need not move the references of the gate
         still = np.zeros_like(position)
         if self._held == 2:
             return gate.pass_on(torque, position, still)

@@ -55,6 +55,10 @@ class CommandGate:
         self._told = False  # that commands are clipped
         self.faults: tuple[str, ...] = ()
 
+    def move(self, position: Array) -> None:
+        """Let the next reference move from a posture, shape (na,), which a law has sent or where the joints are."""
+        self._position[:] = position
+
     def pass_on_with_gains(
         self,
         torque: Array,
@@ -128,19 +132,28 @@ class CommandGate:
         kd = np.where(unseen, np.minimum(kd, room / np.maximum(fastest, ROUNDING)), kd)
         return torque, kp, kd, (q, np.where(unseen, velocity, v))
 
-    def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
+    def admit(
+        self, command: Command, measured: tuple[Array, Array], clipped: tuple[str, ...] = ()
+    ) -> Command:
         """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.
 
-        A joint whose q or q̇ is not finite is treated as in `pass_on_with_gains`. Raises `InputError` for a part of the
-        wrong shape or not finite, or a negative gain.
+        A joint whose q or q̇ is not finite is treated as in `pass_on_with_gains`. `clipped` names joints that were
+        clipped while the command was made, which count among its `faults`. Raises `InputError` for a part of the wrong
+        shape or not finite, or a negative gain.
         """
         command = command.check(self._names)
         torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
+        self.faults = clipped
         if kp is None or kd is None or position is None:
-            return replace(command, joint_torque=np.clip(torque, self._least, self._most))
+            sent = np.clip(torque, self._least, self._most)
+            if (sent != torque).any():
+                self._report((torque < self._clipped_below) | (torque > self._clipped_above), clipped)
+            return replace(command, joint_torque=sent)
         velocity = np.zeros_like(position) if command.joint_velocity is None else command.joint_velocity
         q, v = np.where(np.isfinite(measured), measured, np.nan)
-        torque, (kp, kd), _ = self._with_servos(torque, (position, velocity), (kp, kd), (q, v))
+        torque, (kp, kd), beyond = self._with_servos(torque, (position, velocity), (kp, kd), (q, v))
+        if beyond is not None:
+            self._report(beyond, clipped)
         return replace(command, joint_torque=torque, kp=kp, kd=kd)
 
     def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:

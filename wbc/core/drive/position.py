@@ -125,7 +125,7 @@ class PositionControl(DriveControl):
         position = np.where(np.isnan(position), self.q[7:], position)
         position = np.clip(position, robot.position_lower, robot.position_upper)
         none, damping = np.zeros(robot.na), self.record.damping
-        self.gate.reset(position)  # the reference is where the joint is, however fast it moves
+        self.gate.move(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
 
     def _move(self, acceleration: Array) -> Command:

@@ -86,6 +86,9 @@ class Limit(Owned, ABC):
         lower /= dt
         upper /= dt
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.name}', rows={self.dim})"
+
 
 class Barrier(Limit):
     """Base of limits that keep coordinates of the robot between bounds.

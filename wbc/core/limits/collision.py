@@ -573,9 +573,6 @@ class CollisionLimit(Barrier):
             self._growth += 0.5 * dt * np.minimum(self._drift(near, chosen), 0.0)
         return bool(chosen.size)
 
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.name}', rows={self.dim})"
-
 
 def _columns(robot: Robot) -> tuple[Array, Array | None]:
     """Return which columns of `data.J` move which body, and which velocity coordinate moves which column.
