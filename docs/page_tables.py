@@ -41,7 +41,7 @@ from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.assembly import ON_POINTS
 from wbc.walking.plans.gait import BY_SPEED, SPEEDS, Gait
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, multiplied_out
 
 DOCS = Path(__file__).parent
 
@@ -132,7 +132,7 @@ def _of_g1(row: SettingRow) -> str:
     own, name = SteppingSettings(), row.name.rpartition(".")[2]
     size = RobotSize.of(load_robot("g1").robot(), own.bend)
     unit = next((part for part in typing.get_args(_hints(SteppingSettings)[name])[1:] if part in UNITS), None)
-    return "" if unit is None else f"{getattr(in_si(own, size), name):.3g} {UNITS[unit]}"
+    return "" if unit is None else f"{getattr(multiplied_out(own, size), name):.3g} {UNITS[unit]}"
 
 
 def settings_rows(kind: type, path: str) -> Iterator[str]:

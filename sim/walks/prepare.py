@@ -131,7 +131,7 @@ def _orders(
     plan: WalkPlan, way: FootstepPlan, source: SteppingWalk
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
     """Return the velocities of a walk with free steps, None for the goal at the end of `way`, and its time, s."""
-    s, shift = source.settings, source.constants.shift_time
+    s, shift = source.settings, source.constants.stand.shift_time
     pause = shift + 8.0 * s.slow_time  # to set off and to stop
     orders = plan.drive
     if plan.velocity is not None and plan.steps is not None:

@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,12 @@ import pytest
 
 import wbc
 from wbc.app.cli import main
+from wbc.base.settings import full_name, setting_names
 from wbc.feet import foot
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.terrain.spec import terrain
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
@@ -301,7 +303,8 @@ def test_constants_of_the_law_are_those_of_the_code() -> None:
     assert len(found) > 20
     for name, value, of_g1 in found:
         own = SteppingSettings() if name in SteppingSettings.__dataclass_fields__ else SteppingConstants()
-        given, si = (np.atleast_1d(getattr(values, name))[0] for values in (own, in_si(own, size)))
+        place = attrgetter(full_name(setting_names(own), name))
+        given, si = (np.atleast_1d(place(values))[0] for values in (own, own.in_si(size)))
         assert given == float(value), name
         assert si == pytest.approx(float(of_g1), rel=0.05, abs=5e-4), name
     units = re.findall(

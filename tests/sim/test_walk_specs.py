@@ -113,7 +113,7 @@ def test_a_walk_with_free_steps_takes_the_time_of_its_way_its_turn_and_its_steps
 
     _, some = prepared(SHORT)
     source: Any = WalkingControl(some.robot(), some.plan, 0.002, some.settings).source
-    s, shift = source.settings, source.constants.shift_time
+    s, shift = source.settings, source.constants.stand.shift_time
     pause = shift + 8.0 * s.slow_time
     for distance in (0.4, -1.3):
         assert prepared(WalkPlan(distance=distance))[0] == pytest.approx(

@@ -13,10 +13,10 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Divergent
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 
 DT = 0.004
-CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+CONSTANTS, SETTINGS = SteppingConstants().in_si(SCALE), SteppingSettings().in_si(SCALE)
 OMEGA = math.sqrt(GRAVITY / SCALE.height)
 POINT = (0.0, 0.0, 0.0)
 

@@ -125,16 +125,16 @@ class PointMass:
         if not self.ticks or (last := self.ticks[-1].reference).progress.phase is GaitPhase.STANDING:
             return 0.0, 0.0
         ahead, aside = last.cop if side == last.progress.stance else (0.0, 0.0)
-        return self.gait.constants.carrying + ahead, aside
+        return self.gait.constants.area.carrying + ahead, aside
 
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
         if reference.progress.phase is not GaitPhase.SINGLE:
             c, pendulum, (stiffness, damping) = self.gait.constants, reference.pendulum, (0.0, 0.0)
-            stiffness, damping = c.shift_gains
+            stiffness, damping = c.stand.shift_gains
             if reference.progress.phase is GaitPhase.STANDING:
-                stiffness, damping = c.stand_gain * omega**2, (1.0 + c.stand_gain) * omega
+                stiffness, damping = c.stand.stand_gain * omega**2, (1.0 + c.stand.stand_gain) * omega
             acceleration: Array = pendulum.com_acceleration[:2] + (
                 stiffness * (pendulum.com[:2] - com) + damping * (pendulum.com_velocity[:2] - speed)
             )
@@ -145,7 +145,7 @@ class PointMass:
             self._load = [0.5, 0.5]
             return
         stance = reference.progress.stance
-        carrying, (ahead, aside) = self.gait.constants.carrying, reference.cop
+        carrying, (ahead, aside) = self.gait.constants.area.carrying, reference.cop
         contact = self._feet[stance].act(np.array([carrying + ahead, aside, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]

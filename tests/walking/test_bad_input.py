@@ -20,8 +20,13 @@ from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach
 from wbc.walking.source import StandSource
-from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import SteppingConstants
+from wbc.walking.stepping.settings import (
+    AreaConstants,
+    SteppingConstants,
+    SwingConstants,
+    TimeConstants,
+    TouchConstants,
+)
 
 DT = 0.005
 ROBOT = wbc.load_robot("hrp4_class").robot()
@@ -111,15 +116,12 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 5.0, DOWN), "after the first tick"),
     (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
     (lambda: one_handed().hands.heading, "left_hand"),
-    (
-        lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(box=(2.0, 0.1))),
-        "box of SteppingConstants",
-    ),
-    (lambda: SteppingConstants(touch=NAN), "touch must be a finite number"),
-    (lambda: SteppingConstants(brisk=0.0), "brisk"),
-    (lambda: SteppingConstants(most_force=-1.0), "most_force"),
-    (lambda: SteppingConstants(early=7.0), "early"),
-    (lambda: SteppingConstants(even=(0.03, 0.01)), "the second number of even"),
+    (lambda: SteppingConstants(area=AreaConstants(box=(2.0, 0.1))), "box of SteppingConstants"),
+    (lambda: SwingConstants(touch=NAN), "touch must be a finite number"),
+    (lambda: TimeConstants(brisk=0.0), "brisk"),
+    (lambda: TouchConstants(most_force=-1.0), "most_force"),
+    (lambda: TouchConstants(early=7.0), "early"),
+    (lambda: AreaConstants(even=(0.03, 0.01)), "the second number of even"),
     (
         lambda: hands().press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)),
         "point for left_hand must be within",

@@ -14,6 +14,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
+from wbc.base.settings import changed
 from wbc.robots import load
 from wbc.walking import GaitPhase, Reference, StandSource, State, WalkingControl, WalkingControlSettings
 from wbc.walking.source import Progress, WholeBody
@@ -128,5 +129,5 @@ def test_free_steps_of_ones_own_walk_by_their_constants() -> None:
         return plant.time
 
     usual = SteppingConstants()
-    late = lifted(replace(usual, shift_time=1.5 * usual.shift_time))
+    late = lifted(changed(usual, {"shift_time": 1.5 * usual.stand.shift_time}))
     assert lifted(usual) == lifted(None) < late

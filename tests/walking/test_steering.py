@@ -16,13 +16,13 @@ from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import DriveSettings, Standing, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.path import PathSteering
-from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings
 
 DT = 0.002
 
 
 SIZE = RobotSize.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
-CONSTANTS = in_si(SteppingConstants(), SIZE)
+CONSTANTS = SteppingConstants().in_si(SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -108,13 +108,13 @@ def test_a_velocity_is_granted_as_far_as_legs_reach_and_hips_have_torque_in_the_
     time = steering.step_time
     assert most * time <= SIZE.stride + 1e-6 and time <= longest + 1e-6
     assert most * time == pytest.approx(SIZE.stride) or time == pytest.approx(longest)
-    least = effort * SIZE.swing * (CONSTANTS.late_touch * time) ** 2 * math.sqrt(3.0) / 10.0
+    least = effort * SIZE.swing * (CONSTANTS.swing.late_touch * time) ** 2 * math.sqrt(3.0) / 10.0
     assert 2.0 * most * time <= least + 1e-6, "the way of the foot with the torque of the hip"
     assert most <= steered(replace(settings, effort=1.1 * effort)).limits.forward
 
 
 def test_steps_take_longer_about_the_speed_at_which_a_walk_becomes_fast(settings: SteppingSettings) -> None:
-    steering, quick, found = steered(settings), CONSTANTS.quick, []
+    steering, quick, found = steered(settings), CONSTANTS.time.quick, []
     for speed in (0.0, 0.5 * quick, quick, 1.5 * quick, 2.0 * quick):
         for way in (1.0, -1.0):
             steering.velocity = (way * speed, 0.0)
@@ -186,7 +186,7 @@ def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_
         for share, slow in ((0.0, 1.0), (1.0, 1.0), (1.6, 0.4), (2.5, 0.0)):
             steering.velocity, steering.turn = (-share * settings.cruise, 0.0), 0.0
             assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
-            steering.velocity, steering.turn = (0.0, 0.0), -share * own.slow_turn
+            steering.velocity, steering.turn = (0.0, 0.0), -share * own.path.slow_turn
             assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
     steering.command(None)
     steering.turn = 0.0
@@ -251,8 +251,8 @@ def test_a_robot_beside_its_path_comes_back_to_it_at_a_speed_that_grows_with_the
         x, y = turned((0.02, aside), yaw)
         back = steering._kept_to_path((1.0 + x, -2.0 + y), 0.0)
         along = 0.02 - speed * DT if speed == 0.0 else 0.0  # a robot that walks is never behind its path
-        expected = [-own.drift_gain * part for part in (along, aside)]
-        cut = [min(max(part, -own.drift_speed), own.drift_speed) for part in expected]
+        expected = [-own.path.drift_gain * part for part in (along, aside)]
+        cut = [min(max(part, -own.path.drift_speed), own.path.drift_speed) for part in expected]
         assert back == pytest.approx((speed + cut[0], cut[1]), abs=1e-9)
 
 
@@ -270,7 +270,7 @@ def test_the_path_goes_along_with_a_robot_that_walks_to_the_side_and_lags_behind
     assert steering._path is not None
     x, y = turned((steering._path[0] - 1.0, steering._path[1] + 2.0), -yaw)
     assert x == pytest.approx(0.0, abs=1e-9)
-    assert along + 0.1 - y == pytest.approx(0.1 * math.exp(-300 * DT / own.path_lag), rel=1e-6)
+    assert along + 0.1 - y == pytest.approx(0.1 * math.exp(-300 * DT / own.path.path_lag), rel=1e-6)
 
 
 def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSettings) -> None:
@@ -285,7 +285,7 @@ def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSett
     for gone, aside in ((1.0, 0.02), (2.0, -0.03)):
         x, y = turned((gone, aside), yaw)
         back = steering._kept_to_path((start[0] + x, start[1] + y), 0.0)
-        assert back[1] == pytest.approx(-own.drift_gain * aside, abs=1e-9)
+        assert back[1] == pytest.approx(-own.path.drift_gain * aside, abs=1e-9)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
@@ -300,7 +300,7 @@ def test_a_new_line_to_a_far_goal_is_begun_where_the_robot_has_come_far_off_the_
     line = steering._line
     assert line is not None and line[0] == start and line[1] == pytest.approx(yaw)
     for share, same in ((0.5, True), (0.99, True), (1.01, False)):
-        aside = 2.0 * math.tan(share * own.astray)
+        aside = 2.0 * math.tan(share * own.path.astray)
         x, y = turned((3.0, aside), yaw)
         place = start[0] + x, start[1] + y
         steering._wanted(place)
@@ -317,17 +317,17 @@ def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
     speed = turned((0.15, 0.3), yaw)
     for _ in range(100):
         steering._make_up((0.2, 9.0), speed, steering.fast_share)
-    assert steering._missing == pytest.approx(0.05 * 100 * DT / own.speed_lag)
+    assert steering._missing == pytest.approx(0.05 * 100 * DT / own.path.speed_lag)
     for _ in range(20000):
         steering._make_up((0.2, 9.0), speed, steering.fast_share)
-    assert steering._missing == pytest.approx(own.speed_bias)
-    steering.velocity = 2.0 * CONSTANTS.quick, 0.0
+    assert steering._missing == pytest.approx(own.path.speed_bias)
+    steering.velocity = 2.0 * CONSTANTS.time.quick, 0.0
     steering._missing, ratio = 0.0, steering._slow / steering.step_time
     steering._make_up((0.2, 9.0), speed, steering.fast_share)
-    assert steering._missing == pytest.approx(0.05 * DT / (own.speed_lag * ratio**4))
+    assert steering._missing == pytest.approx(0.05 * DT / (own.path.speed_lag * ratio**4))
     for _ in range(20000):
         steering._make_up((0.1, 9.0), speed, steering.fast_share)
-    assert steering._missing == pytest.approx(-2.0 * own.speed_bias), "twice as much in a fast walk"
+    assert steering._missing == pytest.approx(-2.0 * own.path.speed_bias), "twice as much in a fast walk"
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -349,7 +349,7 @@ def test_a_velocity_changes_no_faster_than_it_may_and_a_heading_turns_with_it(
 
 @pytest.mark.parametrize("off", [0.2, -0.5, 0.9, 3.0])
 def test_a_heading_stays_as_near_to_the_pelvis_as_it_may(settings: SteppingSettings, off: float) -> None:
-    steering, most = steered(settings, 3.0), CONSTANTS.pelvis_turn
+    steering, most = steered(settings, 3.0), CONSTANTS.path.pelvis_turn
     steering.turn_with(3.0 + off)
     left = math.remainder(3.0 + off - steering.heading, math.tau)
     assert left == pytest.approx(off if abs(off) <= most else math.copysign(most, off))
@@ -361,7 +361,7 @@ def test_a_goal_is_dropped_within_its_distance_and_turn(
 ) -> None:
     steering, own = steered(settings), CONSTANTS
     assert not steering.arrives((0.0, 0.0))
-    steering.go_to(2.0 + x * own.arrived, 1.0, turn * own.arrived_turn)
+    steering.go_to(2.0 + x * own.path.arrived, 1.0, turn * own.path.arrived_turn)
     assert steering.arrives((2.0, 1.0)) == there
     assert (steering.goal is None) == there
 

@@ -33,7 +33,7 @@ from wbc.walking.plans.planners import climb_stairs
 from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Progress, StandSource
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 from wbc.walking.table import TaskGains, free_table, planned_table
 
 DT = 0.005
@@ -79,18 +79,20 @@ def test_the_table_of_free_steps_is_in_units_of_the_robot() -> None:
     """Costs of rotations in h², stiffness in ω², damping in ω, of forces in 1/m², of moments in 1/(m h)²."""
     robot = make_robot("g1")
     table = free_table(robot, SteppingWalk(SteppingSettings(), SCALE, 0.0, DT))
-    law, h, omega = in_si(SteppingConstants(), SCALE), SCALE.height, math.sqrt(GRAVITY / SCALE.height)
+    law, h, omega = SteppingConstants().in_si(SCALE), SCALE.height, math.sqrt(GRAVITY / SCALE.height)
     feet = table.feet
     assert feet is not None and table.rise is not None and table.twist is not None
-    np.testing.assert_allclose(feet.stand[0][:2], law.stand_gain * omega**2)
-    np.testing.assert_allclose(feet.stand[1][:2], (1.0 + law.stand_gain) * omega)
-    np.testing.assert_allclose(feet.shift[0][:2], law.shift_gains[0])
-    np.testing.assert_allclose(feet.shift[1][:2], law.shift_gains[1])
+    np.testing.assert_allclose(feet.stand[0][:2], law.stand.stand_gain * omega**2)
+    np.testing.assert_allclose(feet.stand[1][:2], (1.0 + law.stand.stand_gain) * omega)
+    np.testing.assert_allclose(feet.shift[0][:2], law.stand.shift_gains[0])
+    np.testing.assert_allclose(feet.shift[1][:2], law.stand.shift_gains[1])
     for gains in (feet.shift, feet.stand, (table.com.stiffness, table.com.damping)):
         assert (gains[0][2], gains[1][2]) == pytest.approx((3.67 * omega**2, 3.46 * omega))
     np.testing.assert_allclose(table.swing["weight"], [20.0, 20.0, 120.0, *[5.6 * h**2] * 3])
-    np.testing.assert_allclose(table.swing["stiffness"], [*[law.swing_gains[0]] * 3, *[24.5 * omega**2] * 3])
-    np.testing.assert_allclose(table.swing["damping"], [*[law.swing_gains[1]] * 3, *[8.9 * omega] * 3])
+    np.testing.assert_allclose(
+        table.swing["stiffness"], [*[law.swing.swing_gains[0]] * 3, *[24.5 * omega**2] * 3]
+    )
+    np.testing.assert_allclose(table.swing["damping"], [*[law.swing.swing_gains[1]] * 3, *[8.9 * omega] * 3])
     (pelvis, torso), damping = table.trunk, 5.45 * omega
     np.testing.assert_allclose(pelvis["weight"], np.array([8.3, 8.3, 0.83]) * h**2)
     np.testing.assert_allclose(torso["weight"], np.array([1.2, 1.2, 0.003]) * h**2)

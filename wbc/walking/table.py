@@ -148,8 +148,8 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     feet = SteppingFeet(scale, law)
     swing: GainOptions = {
         "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN.cost * turn] * 3]),
-        "stiffness": halves(law.swing_gains[0], SWING_TURN.stiffness * square),
-        "damping": halves(law.swing_gains[1], SWING_TURN.damping * omega),
+        "stiffness": halves(law.swing.swing_gains[0], SWING_TURN.stiffness * square),
+        "damping": halves(law.swing.swing_gains[1], SWING_TURN.damping * omega),
     }
     tilt, yaw = PELVIS.cost * turn, PELVIS_YAW * turn
     trunk: GainOptions = {"stiffness": PELVIS.stiffness * square, "damping": PELVIS.damping * omega}

@@ -17,7 +17,7 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.plans.sources import PlanSource
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import SteppingConstants, in_si
+from wbc.walking.stepping.settings import SteppingConstants
 
 DT = 0.004
 
@@ -27,7 +27,7 @@ DT = 0.004
     [
         (1.0, (0.05, 0.01), (0.05, 0.01)),
         (1.0, (0.2, -0.1), (SCALE.sole[0], -SCALE.sole[1])),
-        (0.02, (0.05, 0.01), (in_si(SteppingConstants(), SCALE).carrying, 0.0)),
+        (0.02, (0.05, 0.01), (SteppingConstants().in_si(SCALE).area.carrying, 0.0)),
     ],
     ids=["within the sole", "beyond its edges", "hardly any force"],
 )
@@ -69,7 +69,7 @@ def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alo
             np.testing.assert_allclose(past.com[:2], feet[:2], atol=1e-9)
         if now.progress.phase is GaitPhase.SINGLE:
             place = tick.frames[now.progress.stance].actInv(np.array(past.zmp))
-            carrying = body.gait.constants.carrying
+            carrying = body.gait.constants.area.carrying
             assert tuple(place[:2]) == pytest.approx((carrying + now.cop[0], now.cop[1]), abs=1e-9)
         if now.progress.phase is last.progress.phase and now.progress.stance == last.progress.stance:
             goes_on = last.pendulum.com + DT * last.pendulum.com_velocity
@@ -112,8 +112,8 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     settings = body.gait.constants
     for reference in waits:
         assert reference.progress.contact == (True, True)
-        assert reference.most_force[1 - reference.progress.stance] == pytest.approx(settings.share)
-        assert reference.most_force[reference.progress.stance] == settings.most_force
+        assert reference.most_force[1 - reference.progress.stance] == pytest.approx(settings.touch.share)
+        assert reference.most_force[reference.progress.stance] == settings.touch.most_force
 
 
 def first_wait() -> tuple[Tick, SteppingWalk]:
@@ -138,9 +138,11 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
             reference = gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
         return bool(reference.progress.air == 1 - stance)
 
-    assert not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
-    assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
-    assert swings(0.9 * s.lost, 1.1 * s.held, 2 * DT)
+    assert not swings(1.1 * s.touch.lost, 2.0 * s.touch.held, s.touch.lost_time + 4 * DT), (
+        "it carries a little"
+    )
+    assert not swings(0.9 * s.touch.lost, 0.9 * s.touch.held, 2 * DT), "nothing holds the robot"
+    assert swings(0.9 * s.touch.lost, 1.1 * s.touch.held, 2 * DT)
 
 
 def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
@@ -148,9 +150,9 @@ def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_do
     tick, gait = first_wait()
     s, stance = gait.constants, tick.reference.progress.stance
     wrenches = [[0.0] * 6, [0.0] * 6]
-    wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
+    wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.touch.held, 1.1 * s.touch.held
     assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == stance
-    wrenches[stance][2] = 0.9 * s.held
+    wrenches[stance][2] = 0.9 * s.touch.held
     assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == 1 - stance
 
 
@@ -281,7 +283,7 @@ def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
     gait = body.gait
     tick, swing = body.ticks[-1], gait.felt.swing
     wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
-    wrenches[swing][2] = 2.0 * gait.constants.met
+    wrenches[swing][2] = 2.0 * gait.constants.touch.met
     places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
     places[swing] = x, y, height
     speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
@@ -302,7 +304,7 @@ def test_whether_a_foot_is_pushed_depends_on_its_speed(share: float) -> None:
     body = in_swing(0.5)
     gait = body.gait
     tick, swing = body.ticks[-1], gait.felt.swing
-    speed = share * (gait.constants.pushed_speed + 2.0 * math.hypot(*gait.steering.velocity))
+    speed = share * (gait.constants.touch.pushed_speed + 2.0 * math.hypot(*gait.steering.velocity))
     speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
     speeds[swing] = (0.0, 0.0, speed)
     state = tick.state._replace(speeds=(speeds[0], speeds[1]))

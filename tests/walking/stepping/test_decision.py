@@ -23,10 +23,10 @@ from wbc.walking.stepping.decision import (
 )
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Now, Step
-from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings
 
 DT = 0.004
-CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+CONSTANTS, SETTINGS = SteppingConstants().in_si(SCALE), SteppingSettings().in_si(SCALE)
 OMEGA = math.sqrt(GRAVITY / SCALE.height)
 POINT = (0.0, 0.0, 0.0)
 AT_REST = Now((0.0, 0.0), (0.0, 0.0), OMEGA, 0.3, 0.3)
@@ -81,7 +81,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     made.decide(stance, wish, None)
     assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
-    expected = stance.axes.point(length - CONSTANTS.carrying, beside)
+    expected = stance.axes.point(length - CONSTANTS.area.carrying, beside)
     assert made.place == pytest.approx(expected, abs=1e-5)
     made.press()
     assert made.cop == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -91,7 +91,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
 def test_footsteps_are_walked_by_a_pendulum_that_rests_in_the_middle_of_the_last_two(count: int) -> None:
     """From step to step ξ − p grows by E about the foot that stands; it is known backwards from its rest."""
     side, time = 1.0, SETTINGS.step_time
-    growth, carrying = math.exp(OMEGA * time), CONSTANTS.carrying
+    growth, carrying = math.exp(OMEGA * time), CONSTANTS.area.carrying
     steps = [
         Footstep(SIDES[k % 2], 0.1 + 0.15 * k, (0.12 if k % 2 == 0 else -0.1) + 0.01 * k, yaw=0.05 * k)
         for k in range(count)
@@ -122,7 +122,7 @@ def test_footsteps_are_walked_by_a_pendulum_that_rests_in_the_middle_of_the_last
 def test_the_centre_of_pressure_moves_at_no_more_than_its_speed(
     now: tuple[float, float], wanted: tuple[float, float]
 ) -> None:
-    made, most = decision(), CONSTANTS.cop_speed * DT
+    made, most = decision(), CONSTANTS.area.cop_speed * DT
     made.cop, made._wanted = now, wanted
     made.press()
     for before, goal, after in zip(now, wanted, made.cop, strict=True):
@@ -153,9 +153,9 @@ def stance_at(
 def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_passes() -> None:
     """t² a √3/10 about where it is; the places stay within those of steps."""
     made, time = decision(), 0.05
-    way = math.sqrt(3.0) / 10.0 * CONSTANTS.swing_push * time**2
+    way = math.sqrt(3.0) / 10.0 * CONSTANTS.swing.swing_push * time**2
     low, high = made._way(stance_at((0.05, 0.3, 0.0, 0.0))).reached(time, made._places)
-    here = np.array([0.05 + CONSTANTS.carrying, 0.3])
+    here = np.array([0.05 + CONSTANTS.area.carrying, 0.3])
     np.testing.assert_allclose((low, high), (here - way, here + way), atol=1e-12)
     low, high = made._way(stance_at((-0.9, 0.1, 0.0, 0.0))).reached(time, made._places)
     assert low == (-SETTINGS.reach, SETTINGS.gap) and high[0] == -SETTINGS.reach
@@ -166,9 +166,9 @@ def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_pa
 @pytest.mark.parametrize("speed", [0.0, 0.8, -0.8])
 def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None:
     """A place that stays: v t/2 + a t² √3/10 is the way of a quintic that comes to rest after t."""
-    made, a = decision(), CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
+    made, a = decision(), CONSTANTS.swing.swing_push * math.sqrt(3.0) / 10.0
     far = 0.35
-    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, speed))._replace(longest=0.52)
+    stance = stance_at((-CONSTANTS.area.carrying, 0.1, 0.0, speed))._replace(longest=0.52)
     step = Step((0.0, 0.1 + far), (0.0, 0.0), 0.02)
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
@@ -182,7 +182,7 @@ def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None
 
 @pytest.mark.parametrize("share", [-0.5, 0.0, 0.3, 1.0, 2.0])
 def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_asked_for(share: float) -> None:
-    made, (near, far) = decision(), CONSTANTS.urgent
+    made, (near, far) = decision(), CONSTANTS.swing.urgent
     off = near + share * (far - near)
     made._program.solve = lambda *_: Step((0.0, SETTINGS.width + off), (0.0, 0.0), 0.3)  # type: ignore[method-assign]
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
@@ -190,18 +190,18 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
     made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), None)
     assert made.urgency == pytest.approx(min(max(share, 0.0), 1.0))
     assert made.end == pytest.approx(0.1 + 0.3)
-    assert made.place == pytest.approx((-CONSTANTS.carrying, SETTINGS.width + off))
+    assert made.place == pytest.approx((-CONSTANTS.area.carrying, SETTINGS.width + off))
 
 
 def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_ahead() -> None:
-    made, s, stretch = decision(), SETTINGS, CONSTANTS.stretch
+    made, s, stretch = decision(), SETTINGS, CONSTANTS.time.stretch
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
     held = made._bounds(stance._replace(longest=0.6), (0.0, 0.05))
     assert held.times == pytest.approx((s.shortest - 0.1, 0.5)) and held.places == (
         (-s.reach, s.gap),
         (s.reach, s.widest),
     )
-    assert held.next_area == pytest.approx([CONSTANTS.next_area * half for half in SCALE.sole])
+    assert held.next_area == pytest.approx([CONSTANTS.area.next_area * half for half in SCALE.sole])
     # ξ at 60 mm reaches the stretch after ln(stretch / 60 mm) / ω.
     ahead = 0.3 * stretch
     assert made._bounds(stance._replace(longest=9.0), (ahead, 0.05)).times[1] == pytest.approx(
@@ -223,7 +223,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
     yaw: float, side: float
 ) -> None:
     """Both are parts along the heading and to the side of the foot that swings; ξ is bounded from there."""
-    made, most, found = decision(), CONSTANTS.cop_error, []
+    made, most, found = decision(), CONSTANTS.area.cop_error, []
     cos, sin = math.cos(yaw), math.sin(yaw)
 
     def world(ahead: float, outwards: float) -> tuple[float, float, float]:
@@ -248,7 +248,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
         made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), None)
         assert found[0] == pytest.approx((0.05 - counted[0], 0.1 - counted[1]))
         assert found[1] == pytest.approx((0.05, 0.1, *counted))
-        assert made.place == pytest.approx(world(-CONSTANTS.carrying, SETTINGS.width)[:2]), (
+        assert made.place == pytest.approx(world(-CONSTANTS.area.carrying, SETTINGS.width)[:2]), (
             "the program fails"
         )
         made.begin()
@@ -257,12 +257,12 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
 def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> None:
     """A foot that comes to the edge of its reach is put off no further."""
     made = decision()
-    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, 0.0))._replace(longest=0.52)
+    stance = stance_at((-CONSTANTS.area.carrying, 0.1, 0.0, 0.0))._replace(longest=0.52)
     step = Step((0.0, 0.6), (0.0, 0.0), 0.02)
     bounds = Bounds(((-1.0, 0.0), (1.0, 0.35)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
     fixed = wish._replace(offsets=(0.0, -0.6, *wish.offsets[2:]))
-    a = CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
+    a = CONSTANTS.swing.swing_push * math.sqrt(3.0) / 10.0
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(0.25 - a * times**2, 0.0)
     assert made._time_for_legs(stance, step, AT_REST, fixed, bounds) == pytest.approx(
@@ -297,9 +297,9 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
     assert (landing.x, landing.y, landing.side) == (*free, "left" if side > 0.0 else "right")
     for u, v in ((0.01, 0.0), (0.0, 0.02), (0.03, -0.01)):
         delta = np.array([u, side * v])
-        expected = 0.5 * delta @ stiffness @ delta * CONSTANTS.balance_cost / SCALE.height**2
+        expected = 0.5 * delta @ stiffness @ delta * CONSTANTS.swing.balance_cost / SCALE.height**2
         assert cost(np.array([u + 1j * v]))[0] == pytest.approx(expected)
-    x, s = -CONSTANTS.carrying, SETTINGS
+    x, s = -CONSTANTS.area.carrying, SETTINGS
     for ahead, outwards, within in (
         (0.99 * s.reach, 0.3, True),
         (1.01 * s.reach, 0.3, False),
@@ -310,12 +310,12 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
         (0.0, 1.01 * s.widest, False),
     ):
         assert allowed(x + ahead, side * outwards) == within
-    assert made._choose(stance, area, (free[0] + 0.5 * CONSTANTS.again, free[1]), 0.3) == chosen, (
+    assert made._choose(stance, area, (free[0] + 0.5 * CONSTANTS.swing.again, free[1]), 0.3) == chosen, (
         "it has hardly moved"
     )
-    again = made._choose(stance, area, (free[0] + 1.5 * CONSTANTS.again, free[1]), 0.3)
-    assert again == pytest.approx((free[0] + 1.5 * CONSTANTS.again + 0.02, free[1]))
-    early = stance._replace(elapsed=0.9 * CONSTANTS.choice * 0.4 / CONSTANTS.touch)
+    again = made._choose(stance, area, (free[0] + 1.5 * CONSTANTS.swing.again, free[1]), 0.3)
+    assert again == pytest.approx((free[0] + 1.5 * CONSTANTS.swing.again + 0.02, free[1]))
+    early = stance._replace(elapsed=0.9 * CONSTANTS.swing.choice * 0.4 / CONSTANTS.swing.touch)
     moved = (free[0] + 9.0, free[1])
     assert made._choose(early, area, moved, 0.4 - early.elapsed) == again, "it is too early"
     assert made._choose(stance, area, moved, 0.11) == again, "it is too late"
@@ -331,7 +331,7 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
         for beyond in (0.03, 0.06, 0.12):
             for foot in ((-0.1, 0.15), (0.0, 0.25), (0.1, 0.4)):
                 made = decision()
-                stance = stance_at((foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
+                stance = stance_at((foot[0] - CONSTANTS.area.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
                 made._put_down = made._puts_down(stance, (ahead, -beyond))
                 near, far = (place[0] for place in made._way(stance).reached(closing, made._places))
                 there = (min(max(ahead * math.exp(OMEGA * closing), near), far), SETTINGS.gap)
@@ -342,7 +342,9 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
                     ways.append(float(np.linalg.norm(after)))
                 if abs(ways[0] - ways[1]) > 1e-9:
                     assert made.closes == (ways[0] < ways[1]), (ahead, beyond, foot)
-                    mirrored = stance_at((-foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
+                    mirrored = stance_at(
+                        (-foot[0] - CONSTANTS.area.carrying, foot[1], 0.0, 0.0), elapsed=0.05
+                    )
                     assert (decision()._puts_down(mirrored, (-ahead, -beyond)) is not None) == made.closes
                     found.add(made.closes)
                 if made.closes:
@@ -363,7 +365,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     made, time = decision(), SETTINGS.step_time
     made.area.evenness = 1.0
     wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, _stance(made, (0.0, 0.0), time))
-    caught = made.area.caught(CONSTANTS.caught)[axis]
+    caught = made.area.caught(CONSTANTS.area.caught)[axis]
     left = off * (caught[1] if sign > 0.0 else caught[0])
     end = [wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]]
     end[axis] += left
@@ -425,7 +427,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
     made.decide(stance._replace(climbs=True, longest=1.2 * time), wish._replace(promised=True), None)
     ahead, _ = stance.axes.offset(*made.place)
-    assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
+    assert ahead + CONSTANTS.area.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"
 
 

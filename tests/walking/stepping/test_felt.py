@@ -43,7 +43,7 @@ def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
     np.testing.assert_allclose(
         gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
     )
-    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
+    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.area.carrying)):
         gait.felt._begin(phase, 1)
         gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
         carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
@@ -62,7 +62,7 @@ def test_the_dcm_is_as_far_outside_the_standing_boxes_as_its_parts_along_the_lin
     left = frame_of((0.3 - 0.5 * spacing * s, -0.2 + 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
     right = frame_of((0.3 + 0.5 * spacing * s, -0.2 - 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
     dcm = Divergent(0.3 + ahead * c - aside * s, -0.2 + ahead * s + aside * c, OMEGA)
-    length, width = CONSTANTS.standing_box
+    length, width = CONSTANTS.area.standing_box
     expected = max(abs(ahead) - 0.5 * share * length, abs(aside) - 0.5 * spacing - 0.5 * share * width)
     assert gait_on((left, right)).felt.outside(dcm, share) == pytest.approx(expected, abs=1e-8)
 

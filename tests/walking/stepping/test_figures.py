@@ -33,11 +33,11 @@ STILL = StepVelocity((0.0, 0.0), True)
 def test_a_step_has_the_times_that_the_share_of_a_fast_walk_gives_it(speed: float) -> None:
     """It touches down at 0.88 of its time, of a walk of twice the speed at which hips decide at 0.95."""
     gait = gait_on(LEVEL)
-    gait.steering.velocity = speed * CONSTANTS.quick, 0.0
+    gait.steering.velocity = speed * CONSTANTS.time.quick, 0.0
     step, fast_share = gait.step, min(max(abs(speed) - 1.0, 0.0), 1.0)
     step_on(gait, 1)
     step.asked = gait._asked(STILL)
-    share = (1.0 - fast_share) * CONSTANTS.touch + fast_share * CONSTANTS.late_touch
+    share = (1.0 - fast_share) * CONSTANTS.swing.touch + fast_share * CONSTANTS.swing.late_touch
     assert (gait.fast_share, step._touch_time()) == pytest.approx((fast_share, 0.4 * share))
     longest = SETTINGS.longest * gait.steering.step_time
     assert step._longest == pytest.approx(longest)
@@ -64,42 +64,42 @@ def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_it
         gait.felt._begin(GaitPhase.SINGLE, stands)
         for elapsed, share in (
             (0.0, 2.0),
-            (0.25 * CONSTANTS.unload, 1.5),
-            (1.1 * CONSTANTS.unload, 0.0),
+            (0.25 * CONSTANTS.touch.unload, 1.5),
+            (1.1 * CONSTANTS.touch.unload, 0.0),
         ):
             gait.felt.elapsed = elapsed
             most = gait.step.touch.most_forces(met=False, stepped=True)
-            assert most[stands] == CONSTANTS.most_force
-            assert most[swings] == pytest.approx(share * CONSTANTS.share)
+            assert most[stands] == CONSTANTS.touch.most_force
+            assert most[swings] == pytest.approx(share * CONSTANTS.touch.share)
         gait.felt.elapsed = 0.0
         first = gait.step.touch.most_forces(met=False, stepped=False)
         assert first[swings] == 0.0, "the first step begins without a load"
         waits = gait.step.touch.most_forces(met=True, stepped=False)
-        assert waits[swings] == CONSTANTS.share
+        assert waits[swings] == CONSTANTS.touch.share
 
 
 def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> None:
-    gait, (full, none) = gait_on(LEVEL), CONSTANTS.even
+    gait, (full, none) = gait_on(LEVEL), CONSTANTS.area.even
     for part, share in ((-1.0, 1.0), (0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
         gait.ground.uneven = full + part * (none - full)
-        assert gait.ground.level(*CONSTANTS.even) == pytest.approx(share)
+        assert gait.ground.level(*CONSTANTS.area.even) == pytest.approx(share)
 
 
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
     gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
     gait.ground.height = 0.03
-    times = np.linspace(0.0, gait.step._time_down() - CONSTANTS.piece, 20001)
+    times = np.linspace(0.0, gait.step._time_down() - CONSTANTS.swing.piece, 20001)
     s = times / times[-1]
     heights = 0.1 * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
     pushes = np.gradient(np.gradient(heights, times), times)
-    assert np.abs(pushes[5:-5]).max() == pytest.approx(CONSTANTS.lift, rel=1e-3)
+    assert np.abs(pushes[5:-5]).max() == pytest.approx(CONSTANTS.swing.lift, rel=1e-3)
 
 
 @pytest.mark.parametrize("stance", [0, 1])
 def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_have(stance: int) -> None:
     """Stiffness times its distance plus damping times its speed, over the greatest acceleration of a swing."""
     swing_side = 1 - stance
-    stiffness, damping = CONSTANTS.swing_gains
+    stiffness, damping = CONSTANTS.swing.swing_gains
     for share in (0.98, 1.02):
         for part in (0.0, 1.0):
             gait = gait_on(LEVEL)
@@ -107,7 +107,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
             swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait.step._shape)
             place, speed = (np.array(each) for each in swing.motion(0.2))
-            way = np.array([0.48, -0.6, 0.64]) * share * CONSTANTS.swing_push
+            way = np.array([0.48, -0.6, 0.64]) * share * CONSTANTS.swing.swing_push
             here = place - (1.0 - part) / stiffness * way
             moved = speed - part / damping * way
             spots, speeds = [list(f.translation) for f in LEVEL], [POINT, POINT]
@@ -133,24 +133,26 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         gait.felt.follow()
         gait.stand.shift(())
         ways, direction = [], gait.steering.direction
-        for elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
+        for elapsed in np.linspace(0.0, CONSTANTS.stand.shift_time, 201).tolist():
             gait.felt.elapsed = elapsed
             x, y, u, v, _, _ = gait.stand.shifting(direction, SETTINGS.step_time).motion
             ways.append((turn.actInv(np.array((x, y, 0.0)))[:2], (turn.rotation.T @ (u, v, 0.0))[:2]))
         places, speeds = np.array(ways).transpose(1, 0, 2)
         side = 1.0 if stance == 1 else -1.0
         goal = (
-            CONSTANTS.carrying,
+            CONSTANTS.area.carrying,
             side
             * (
-                CONSTANTS.shift * SETTINGS.width / (1.0 + math.exp(gait.felt.dcm.omega * SETTINGS.step_time))
+                CONSTANTS.stand.shift
+                * SETTINGS.width
+                / (1.0 + math.exp(gait.felt.dcm.omega * SETTINGS.step_time))
                 - 0.11
             ),
         )
         np.testing.assert_allclose(
             places[[0, 100, 200]], [(0.01, 0.0), 0.5 * np.add((0.01, 0.0), goal), goal], atol=1e-9
         )
-        step = CONSTANTS.shift_time / 200
+        step = CONSTANTS.stand.shift_time / 200
         np.testing.assert_allclose(np.gradient(places, step, axis=0)[1:-1], speeds[1:-1], atol=1e-4)
         np.testing.assert_allclose(speeds[[0, 200]], 0.0, atol=1e-12)
 
@@ -164,17 +166,17 @@ def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) 
     gait.felt.follow()
     stand, felt, ways = gait.stand, gait.felt, []
     stand.shift(())
-    felt.elapsed = CONSTANTS.shift_time
+    felt.elapsed = CONSTANTS.stand.shift_time
     goal, felt.elapsed = stand.shifting(direction, SETTINGS.step_time).motion[:2], 0.0
-    while felt.elapsed < stand.duration - CONSTANTS.rest:
+    while felt.elapsed < stand.duration - CONSTANTS.stand.rest:
         felt.elapsed += DT
         if felt.elapsed > felt_at:
             felt.state = felt.state._replace(compliance=depth / SCALE.weight)
         stand.delay()
         ways.append(stand.shifting(direction, SETTINGS.step_time).motion[:4])
-    duration = stand.duration - CONSTANTS.rest
+    duration = stand.duration - CONSTANTS.stand.rest
     slower = 1.0 + 2.0 * depth / (2.0 * SCALE.sole[1])
-    assert duration == pytest.approx(felt_at + slower * (CONSTANTS.shift_time - felt_at), abs=2.0 * DT)
+    assert duration == pytest.approx(felt_at + slower * (CONSTANTS.stand.shift_time - felt_at), abs=2.0 * DT)
     places, speeds = np.hsplit(np.array(ways), 2)
     np.testing.assert_allclose(places[-1], goal, atol=1e-4)
     later = round(felt_at / DT) + 2
@@ -209,9 +211,9 @@ def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressu
     for stance in (0, 1):
         course.restart()
         for _ in range(2001):
-            zmp = gait.felt.state.on_sole(stance, CONSTANTS.carrying + 0.01, -0.005)
+            zmp = gait.felt.state.on_sole(stance, CONSTANTS.area.carrying + 0.01, -0.005)
             x, y, u, v, a, b = course.fall(gait.felt.state, zmp)
-        zmp = LEVEL[stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
+        zmp = LEVEL[stance].translation[:2] + (CONSTANTS.area.carrying + 0.01, -0.005)
         com, speed = com_after(np.array([0.02, -0.03]), np.array([0.3, 0.1]), zmp, OMEGA, 0.2)
         np.testing.assert_allclose((x, y), com, atol=1e-4)
         np.testing.assert_allclose((u, v), speed, atol=1e-3)
@@ -223,7 +225,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
     gait = gait_on(LEVEL)
     step, area = gait.step, gait.step.decision.area
     step._pace, gait.steering.supported = 0.9, 0.0
-    share = min(0.5 * area.widest / CONSTANTS.slow_width, 1.0)
+    share = min(0.5 * area.widest / CONSTANTS.area.slow_width, 1.0)
     off = [1.0, 1.0]
     for _ in range(3):
         step_on(gait, gait.felt.stance)
@@ -236,7 +238,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         gait.step.asked = gait._asked(STILL)
         assert gait._change_feet() == (Event.LIFT_OFF,)
         assert (gait.felt.stance, gait.steps_done) == (1 - before, done + 1)
-        off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
+        off = [off[0] * (1.0 - CONSTANTS.time.pace_gain), off[1] * (1.0 - CONSTANTS.area.held_gain[1])]
         assert step._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
         assert gait.steering.supported == pytest.approx(share * (1.0 - off[1]))
 
@@ -246,7 +248,7 @@ def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(s
     """Forward v T, of a fast walk v T̄ with their mean time; what offsets of ξ make up is asked of no step."""
     gait, asked = gait_on(LEVEL), []
     step_on(gait, 1)
-    gait.steering.velocity, gait.step._pace = (speed * CONSTANTS.quick, 0.0), 0.5
+    gait.steering.velocity, gait.step._pace = (speed * CONSTANTS.time.quick, 0.0), 0.5
     gait.step.decision.decide = lambda _, wish, __: asked.append(wish)  # type: ignore[method-assign, assignment]
     gait.step.asked = gait._asked(StepVelocity((0.25, 0.05), True, 0.05))
     gait.step._solve()
@@ -303,7 +305,9 @@ def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> No
         step.decision.decide = decide  # type: ignore[method-assign]
         assert step.swing is not None
         left = 0.9 * uneven  # a landing on level ground leaves nine tenths of it
-        harder = min(CONSTANTS.landing_speed + CONSTANTS.landing_gain * left, CONSTANTS.hardest)
+        harder = min(
+            CONSTANTS.swing.landing_speed + CONSTANTS.swing.landing_gain * left, CONSTANTS.swing.hardest
+        )
         assert step.swing.shape.landing_speed == pytest.approx(harder)
     steps = np.diff(times)
     assert np.median(steps) == step._period and (steps <= step._period).all()
@@ -360,7 +364,7 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait.felt._begin(GaitPhase.SINGLE, 1)
     ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
     gait.steering.supported = 1.0
-    for planned, speed in ((ahead, 0.2 / CONSTANTS.plan_time), (ahead[:1], 0.0)):
+    for planned, speed in ((ahead, 0.2 / CONSTANTS.time.plan_time), (ahead[:1], 0.0)):
         gait.footsteps = planned
         steps = gait._steer()
         assert steps.velocity == pytest.approx((speed, 0.0)) and steps.go == (len(gait.footsteps) > 1)
@@ -416,9 +420,9 @@ def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() 
     gait.footsteps = Footstep("left", 0.1, 0.11), Footstep("right", 0.2, -0.11)
     for held, climbs, time in (
         (0.0, 0.0, SETTINGS.step_time),
-        (1.0, 0.0, CONSTANTS.plan_time),
-        (0.0, 0.1, CONSTANTS.plan_time),
-        (1.0, 0.1, CONSTANTS.plan_time),
+        (1.0, 0.0, CONSTANTS.time.plan_time),
+        (0.0, 0.1, CONSTANTS.time.plan_time),
+        (1.0, 0.1, CONSTANTS.time.plan_time),
         (0.0, -0.1, SETTINGS.slow_time),
     ):
         gait.steering.supported, gait.stair = held, climbs

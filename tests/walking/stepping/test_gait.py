@@ -194,10 +194,12 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     lifts = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.progress.events]
     supports = [tick.reference.progress for tick in lifts]
     first, *others = (tick.reference.most_force[1 - tick.reference.progress.stance] for tick in lifts)
-    assert first == 0.0 and others == pytest.approx([2.0 * c.share] * len(others))
+    assert first == 0.0 and others == pytest.approx([2.0 * c.touch.share] * len(others))
     assert supports[0].stance == 1, "the right foot"
     seen = lifts[0].frames[1].actInv(np.array(lifts[0].state.com))
-    assert seen[1] == pytest.approx(c.shift * s.width / (1.0 + math.exp(SCALE.omega * s.step_time)), abs=0.01)
+    assert seen[1] == pytest.approx(
+        c.stand.shift * s.width / (1.0 + math.exp(SCALE.omega * s.step_time)), abs=0.01
+    )
     assert body.gait.finished
     place = body.com[:2].copy()
     body.run(2.0)
@@ -208,7 +210,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
 def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
     """Also when the mass is pushed at random."""
     body, rng = PointMass(), np.random.default_rng(4)
-    settings, carrying, widths = body.gait.settings, body.gait.constants.carrying, []
+    settings, carrying, widths = body.gait.settings, body.gait.constants.area.carrying, []
     body.run(0.5)
     for _ in range(8):
         velocity = rng.uniform(-1.0, 1.0, 3) * [0.5, 0.2, 1.0]
@@ -308,7 +310,7 @@ def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(s
     ticks = body.run(4.0)
     stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.progress.events)
     left, right = (frame.translation for frame in stopped.frames)
-    assert np.linalg.norm(left - right) <= body.gait.constants.stop_length
+    assert np.linalg.norm(left - right) <= body.gait.constants.stand.stop_length
     assert body.gait.finished
 
 

@@ -17,11 +17,11 @@ from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Orbit, Pace, takes_over, viability
 from wbc.walking.stepping.rise import RiseLimit
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 from wbc.walking.table import free_table
 
 DT = 0.004
-CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+CONSTANTS, SETTINGS = SteppingConstants().in_si(SCALE), SteppingSettings().in_si(SCALE)
 OMEGA = math.sqrt(GRAVITY / SCALE.height)
 
 
@@ -66,11 +66,11 @@ def test_a_fast_step_takes_the_time_in_which_hips_swing_a_leg_over_two_steps(eff
     pace = Pace.of(CONSTANTS, settings, SCALE)
     for speed in (2.5, -4.0):
         time = pace.time(speed, 0.3)
-        asked = 10.0 / math.sqrt(3.0) * 2.0 * abs(speed) * time / (CONSTANTS.late_touch * time) ** 2
+        asked = 10.0 / math.sqrt(3.0) * 2.0 * abs(speed) * time / (CONSTANTS.swing.late_touch * time) ** 2
         assert asked == pytest.approx(effort * SCALE.swing) or time > abs(speed) / pace.swing
     assert pace.time(4.0, 1e-3) == pytest.approx(4.0 / pace.swing)
     assert pace.time(0.0, 0.35) == 0.35
-    assert pace.time(CONSTANTS.brisk * 0.5, 0.35) == pytest.approx(0.35 * (1.0 + 0.5**4) ** 0.125)
+    assert pace.time(CONSTANTS.time.brisk * 0.5, 0.35) == pytest.approx(0.35 * (1.0 + 0.5**4) ** 0.125)
 
 
 @pytest.mark.parametrize("room", [0.02, 0.005, -0.01])

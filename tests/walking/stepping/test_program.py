@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from pendulum import com_after
 from properties import examples
 
+from wbc.base.settings import changed
 from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
@@ -21,7 +21,7 @@ from wbc.walking.stepping.decision import StepDecision, StepState
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.program import TIME as TIME_COST
-from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
@@ -211,43 +211,43 @@ def _cost(program: StepProgram) -> float:
 
 
 def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None:
-    c, dt, weight = in_si(SteppingConstants(), SIZE), 0.002, SIZE.weight
-    area, still, cop = HeldArea(SIZE.sole, c, dt), (0.0, 0.0), (0.02, 0.01)
+    c, dt, weight = SteppingConstants().in_si(SIZE), 0.002, SIZE.weight
+    area, still, cop = HeldArea(SIZE.sole, c.area, dt), (0.0, 0.0), (0.02, 0.01)
     wrench = (0.0, 0.0, weight, cop[1] * weight, -cop[0] * weight, 0.0)
     for _ in range(1000):
         area.update(still, wrench, 0.0)
-    assert area.aside == pytest.approx([c.margin - SIZE.sole[1], SIZE.sole[1] - c.margin])
+    assert area.aside == pytest.approx([c.area.margin - SIZE.sole[1], SIZE.sole[1] - c.area.margin])
     assert area.ahead == pytest.approx(
-        [c.margin - SIZE.sole[0] - c.carrying, SIZE.sole[0] - c.margin - c.carrying]
+        [c.area.margin - SIZE.sole[0] - c.area.carrying, SIZE.sole[0] - c.area.margin - c.area.carrying]
     )
     for _ in range(100):  # its left end goes down: it turns over the left edge
-        area.update((0.0, -3.0 * c.turning), wrench, 0.0)
-    assert area.aside[1] == pytest.approx(cop[1] - c.inside)
-    assert area.aside[0] == pytest.approx(c.margin - SIZE.sole[1]), "the other side holds"
+        area.update((0.0, -3.0 * c.area.turning), wrench, 0.0)
+    assert area.aside[1] == pytest.approx(cop[1] - c.area.inside)
+    assert area.aside[0] == pytest.approx(c.area.margin - SIZE.sole[1]), "the other side holds"
     for rate, turns in ((5.0, True), (0.5, False)):  # a rate is low-passed
         area.forget()
         for _ in range(200):
             area.update(still, wrench, 0.0)
         full = area.aside[1]
-        area.update((0.0, -rate * c.turning / area._spin_gain), wrench, 0.0)
+        area.update((0.0, -rate * c.area.turning / area._spin_gain), wrench, 0.0)
         assert (area.aside[1] < full) is turns
     area.forget()
     for _ in range(1000):
-        area.update(still, (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0), 0.0)
+        area.update(still, (0.0, 0.0, 0.9 * c.area.carries, 0.0, 0.0, 0.0), 0.0)
     assert area.width == 0.0, "it carries too little to say"
 
 
 def test_on_level_ground_the_area_of_a_narrow_sole_counts_in_full_and_grows_sooner() -> None:
     """On rough ground it is as small as a narrow sole makes it, and the width that sets the time of steps always is."""
-    c, dt, weight = in_si(SteppingConstants(), SIZE), 0.002, 300.0
+    c, dt, weight = SteppingConstants().in_si(SIZE), 0.002, 300.0
     sole, found = (0.085, 0.03), {}
     for level in (0.0, 1.0):
-        area = HeldArea(sole, c, dt)
+        area = HeldArea(sole, c.area, dt)
         for ticks in (10, 1000):
             for _ in range(ticks):
                 area.update((0.0, 0.0), (0.0, 0.0, weight, 0.0, 0.0, 0.0), level)
             found[level, ticks] = area.ahead[1] - area.ahead[0], area.width
-    assert found[1.0, 1000][0] == pytest.approx(2.0 * (sole[0] - c.margin))
+    assert found[1.0, 1000][0] == pytest.approx(2.0 * (sole[0] - c.area.margin))
     assert found[0.0, 1000][0] < 0.5 * found[1.0, 1000][0]
     assert found[1.0, 10][0] > 3.0 * found[0.0, 10][0]
     assert found[1.0, 1000][1] == found[0.0, 1000][1]
@@ -262,11 +262,11 @@ def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
     distance: float, elapsed: float, *, down: bool
 ) -> None:
     """It does if the DCM is beyond the outer edge of the stance foot, unless closing up leaves a shorter step."""
-    c, settings = in_si(SteppingConstants(), SIZE), SteppingSettings().in_si(SIZE)
+    c, settings = SteppingConstants().in_si(SIZE), SteppingSettings().in_si(SIZE)
     decision = StepDecision(GaitValues(settings, c, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2))
     zero = (0.0, 0.0, 0.0)
     still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
-    swing = (-c.carrying, distance, 0.0, 0.0)
+    swing = (-c.area.carrying, distance, 0.0, 0.0)
     dcm = Divergent(0.0, -0.1, OMEGA)
     stance = StepState(
         StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, elapsed, swing, 0.06
@@ -286,13 +286,13 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
     """A DCM that runs ahead is stepped after: as soon as legs can where they are quick, else later and further."""
     found = {}
     for push in (4.5, 100.0):
-        constants = dataclasses.replace(in_si(SteppingConstants(), SIZE), swing_push=push * GRAVITY)
+        constants = changed(SteppingConstants().in_si(SIZE), {"swing_push": push * GRAVITY})
         settings = SteppingSettings().in_si(SIZE)
         decision = StepDecision(GaitValues(settings, constants, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2))
         dcm = Divergent(speed / OMEGA, 0.04, OMEGA)
         still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
         zero = (0.0, 0.0, 0.0)
-        swing = (-constants.carrying, 0.22, 0.0, 0.0)
+        swing = (-constants.area.carrying, 0.22, 0.0, 0.0)
         stance = StepState(
             StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, 0.0, swing, 0.05
         )
@@ -310,14 +310,14 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
 def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_is_from_the_one_asked_for() -> (
     None
 ):
-    c, zero = in_si(SteppingConstants(), SIZE), (0.0, 0.0, 0.0)
+    c, zero = SteppingConstants().in_si(SIZE), (0.0, 0.0, 0.0)
     still, found = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), []
     for speed in (0.0, 0.1, 0.25, 0.4, 0.8):
         decision = StepDecision(
             GaitValues(SteppingSettings().in_si(SIZE), c, SIZE, 0.002), GroundEstimate(0.5, 0.0, 0.2)
         )
         dcm = Divergent(speed / OMEGA, still.inwards, OMEGA)
-        swing = (-c.carrying, 0.22, 0.0, 0.0)
+        swing = (-c.area.carrying, 0.22, 0.0, 0.0)
         stance = StepState(
             StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.5, 0.0, swing, 0.05
         )
@@ -350,30 +350,30 @@ def test_a_landing_is_the_stiffer_the_smaller_the_area_of_the_pressure_is(size: 
 
 def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole() -> None:
     """Moments over force are where it presses; a foot whose heights change at a rate turns over an edge."""
-    c = in_si(SteppingConstants(), SIZE)
-    least, full = c.trusted
+    c = SteppingConstants().in_si(SIZE)
+    least, full = c.area.trusted
     for half, trust in ((least, 0.0), (0.5 * (least + full), 0.5), (full, 1.0), (2.0 * full, 1.0)):
-        area = HeldArea((0.1, half), c, 0.004)
-        assert area.widest == pytest.approx(trust * max(half - c.margin, 0.0))
+        area = HeldArea((0.1, half), c.area, 0.004)
+        assert area.widest == pytest.approx(trust * max(half - c.area.margin, 0.0))
     force, roomy = SIZE.weight, (0.2, 0.15)
     for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
-        area, rates = HeldArea(roomy, c, 0.004), [0.0, 0.0]
+        area, rates = HeldArea(roomy, c.area, 0.004), [0.0, 0.0]
         for _ in range(3000):
             area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0), 0.0)
-        most = (roomy[0] - c.margin - c.carrying, roomy[1] - c.margin)
+        most = (roomy[0] - c.area.margin - c.area.carrying, roomy[1] - c.area.margin)
         assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
-        assert area.ahead[0] == pytest.approx(c.margin - roomy[0] - c.carrying)
+        assert area.ahead[0] == pytest.approx(c.area.margin - roomy[0] - c.area.carrying)
         edges = [list(area.ahead), list(area.aside)]
-        cop = sign * 0.04 + (c.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
+        cop = sign * 0.04 + (c.area.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
         at = [0.0, 0.0]
         at[axis] = cop
-        rates[axis] = -sign * 1.5 * c.turning  # the end where it presses goes down
+        rates[axis] = -sign * 1.5 * c.area.turning  # the end where it presses goes down
         for _ in range(60):
             area.update((rates[0], rates[1]), (0.0, 0.0, force, at[1] * force, -at[0] * force, 0.0), 0.0)
         found = [area.ahead, area.aside]
         end = 1 if sign > 0.0 else 0
-        assert found[axis][end] == pytest.approx(sign * (0.04 - c.inside), abs=1e-9)
+        assert found[axis][end] == pytest.approx(sign * (0.04 - c.area.inside), abs=1e-9)
         assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
-        light = (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0)
+        light = (0.0, 0.0, 0.9 * c.area.carries, 0.0, 0.0, 0.0)
         area.update((rates[0], rates[1]), light, 0.0)
         assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"

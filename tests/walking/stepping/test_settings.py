@@ -19,7 +19,7 @@ from wbc.walking.stepping.settings import (
     RobotSize,
     SteppingConstants,
     SteppingSettings,
-    in_si,
+    SwingConstants,
 )
 
 SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stride=0.5, swing=65.0)
@@ -48,12 +48,12 @@ def test_steps_have_the_time_that_their_swings_need_with_any_constants(
     piece: float, touch: float, of_plans: float
 ) -> None:
     """From lift-off to touch-down, at the earliest share of a step at which a foot touches down."""
-    constants = SteppingConstants(piece=piece, touch=touch, touch_of_plans=of_plans)
+    constants = SteppingConstants(swing=SwingConstants(piece=piece, touch=touch, touch_of_plans=of_plans))
     times = {"step_time": 3.0, "slow_time": 3.0, "swing_height": 0.02}
     with pytest.raises(InputError, match="shortest"):
-        quicker = SteppingSettings(**times, shortest=0.99 * constants.quickest_swing)
+        quicker = SteppingSettings(**times, shortest=0.99 * constants.swing.quickest)
         SteppingWalk(quicker, SCALE, 0.0, 0.002, constants=constants)
-    quickest = SteppingSettings(**times, shortest=constants.quickest_swing)
+    quickest = SteppingSettings(**times, shortest=constants.swing.quickest)
     walk = SteppingWalk(quickest, SCALE, 0.0, 0.002, constants=constants)
     assert min(touch, of_plans) * walk.settings.shortest >= walk.step._shape.shortest - 1e-12
 
@@ -106,14 +106,26 @@ def test_a_robot_is_measured_with_all_joints_of_its_legs_at_zero(name: str) -> N
 
 def test_settings_in_units_of_the_robot_are_lengths_times_and_forces_of_it() -> None:
     """h, ω, g, m g and the half sole, from a robot of 0.6 m and 33 kg."""
-    si, c, omega = SteppingSettings().in_si(SCALE), in_si(SteppingConstants(), SCALE), np.sqrt(GRAVITY / 0.6)
+    si, c, omega = SteppingSettings().in_si(SCALE), SteppingConstants().in_si(SCALE), np.sqrt(GRAVITY / 0.6)
     own, raw = SteppingSettings(), SteppingConstants()
     assert si.step_time == pytest.approx(own.step_time / omega)
     assert si.cruise == pytest.approx(own.cruise * 0.6 * omega)
     assert si.acceleration == pytest.approx(own.acceleration * GRAVITY)
     assert si.gap == pytest.approx(0.06 + own.gap * 0.6)
     assert si.width == pytest.approx(max(own.width * 0.6, 1.25 * si.gap))
-    assert c.standing_box == pytest.approx((raw.standing_box[0] * 0.21, raw.standing_box[1] * 0.06))
-    assert c.carrying == pytest.approx(raw.carrying * 0.03)
-    assert c.share == pytest.approx(raw.share * 33.0 * GRAVITY)
-    assert c.swing_gains == pytest.approx((raw.swing_gains[0] * omega**2, raw.swing_gains[1] * omega))
+    assert c.area.standing_box == pytest.approx(
+        (raw.area.standing_box[0] * 0.21, raw.area.standing_box[1] * 0.06)
+    )
+    assert c.area.carrying == pytest.approx(raw.area.carrying * 0.03)
+    assert c.touch.share == pytest.approx(raw.touch.share * 33.0 * GRAVITY)
+    assert c.swing.swing_gains == pytest.approx(
+        (raw.swing.swing_gains[0] * omega**2, raw.swing.swing_gains[1] * omega)
+    )
+
+
+@pytest.mark.parametrize("values", [SteppingSettings(), SteppingConstants()])
+def test_values_in_si_units_are_not_taken_for_those_in_units_of_a_robot(
+    values: SteppingSettings | SteppingConstants,
+) -> None:
+    with pytest.raises(InputError, match="SI units"):
+        values.in_si(SCALE).in_si(SCALE)

@@ -17,7 +17,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Progress, Reference
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.table import free_table
 from wbc.walking.tasks import WalkTasks
 
@@ -159,14 +159,14 @@ def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() 
 def test_a_robot_that_comes_to_a_stand_is_told_the_same_wherever_its_reference_begins() -> None:
     """It is c̈ = ω² (c − z) with z = m + (1 + k)(ξ − m), by which ξ goes to the middle m of the feet at the rate k ω."""
     controller, tasks, reference = standing()
-    robot, rest, law = controller.robot, reference.pendulum, in_si(SteppingConstants(), SCALE)
+    robot, rest, law = controller.robot, reference.pendulum, SteppingConstants().in_si(SCALE)
     v = np.zeros(robot.nv)
     v[:2] = 0.02, -0.2
     robot.update(robot.q, v)
     omega, middle = rest.omega, np.array(rest.com)
 
     def falling(com: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        return omega**2 * (com - middle - (1.0 + law.stand_gain) * (com + speed / omega - middle))
+        return omega**2 * (com - middle - (1.0 + law.stand.stand_gain) * (com + speed / omega - middle))
 
     now, found = (np.array(robot.com), np.array(robot.com_velocity)), []
     for com, speed in ((middle, np.zeros(3)), now, (middle + [0.01, -0.02, 0.0], np.array([0.1, 0.05, 0.0]))):
@@ -258,13 +258,13 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
     """A foot that yields costs a tenth; alone one carries half of the weight; boxes are about the CoP in all ticks."""
     controller, tasks, reference = standing()
     size = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2]))  # that of `standing`
-    law, stance = in_si(SteppingConstants(), size), tasks.table.feet
+    law, stance = SteppingConstants().in_si(size), tasks.table.feet
     assert stance is not None
     tasks.follow(reference)
     for contact in tasks.contacts:
         np.testing.assert_allclose(contact.motion_weight, stance.firm)
         np.testing.assert_allclose(contact.centre, 0.0)
-        assert contact.min_force == pytest.approx(0.2 * law.least_force)
+        assert contact.min_force == pytest.approx(0.2 * law.touch.least_force)
     for name, state in STATES.items():
         if state is None:
             continue
@@ -277,17 +277,19 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
         tasks.follow(single)
         carrying, other = tasks.contacts[stands], tasks.contacts[1 - stands]
         np.testing.assert_allclose(carrying.motion_weight, stance.single, err_msg=name)
-        np.testing.assert_allclose(carrying.centre, (law.carrying + 0.01, -0.004, 0.0))
+        np.testing.assert_allclose(carrying.centre, (law.area.carrying + 0.01, -0.004, 0.0))
         alone = not all(touching)
-        assert carrying.min_force == pytest.approx(law.carried if alone else 0.2 * law.least_force)
+        assert carrying.min_force == pytest.approx(
+            law.touch.carried if alone else 0.2 * law.touch.least_force
+        )
         if not alone:
             np.testing.assert_allclose(other.motion_weight, 0.1 * stance.single)
-            np.testing.assert_allclose(other.centre, (law.carrying, 0.0, 0.0))
+            np.testing.assert_allclose(other.centre, (law.area.carrying, 0.0, 0.0))
             assert other.min_force == 0.0
         else:
             assert not other.active
     tasks.follow(reference._replace(progress=Progress(GaitPhase.DOUBLE)))
-    np.testing.assert_allclose(tasks.contacts[0].centre, (law.carrying, 0.0, 0.0))
+    np.testing.assert_allclose(tasks.contacts[0].centre, (law.area.carrying, 0.0, 0.0))
     gains = tasks.com.stiffness, tasks.com.damping
     for found, own in zip(gains, stance.shift, strict=True):
         np.testing.assert_allclose(found, own)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, Vector
-from wbc.walking.stepping.settings import SteppingConstants
+from wbc.walking.stepping.settings import AreaConstants
 
 
 class HeldArea:
@@ -23,15 +23,15 @@ class HeldArea:
 
     evenness = 0.0
 
-    def __init__(self, sole: tuple[float, float], constants: SteppingConstants, dt: float) -> None:
+    def __init__(self, sole: tuple[float, float], constants: AreaConstants, dt: float) -> None:
         """Hold a point of a sole of half a length and half a width, m."""
-        c, self._c, self._dt = constants, constants, dt
-        self._spin_gain = lag_gain(dt, c.spin_lag)
-        self._centre = c.carrying, 0.0
-        least, full = c.trusted
+        self._constants, self._dt = constants, dt
+        self._spin_gain = lag_gain(dt, constants.spin_lag)
+        self._centre = constants.carrying, 0.0
+        least, full = constants.trusted
         trust = min(max((sole[1] - least) / (full - least), 0.0), 1.0)
         self._trust = trust
-        half = [max(half - c.margin, 0.0) for half in sole]
+        half = [max(half - constants.margin, 0.0) for half in sole]
         self._most = [max(h - at, 0.0) for h, at in zip(half, self._centre, strict=True)]
         self._least = [min(-h - at, 0.0) for h, at in zip(half, self._centre, strict=True)]
         self.forget()
@@ -66,19 +66,19 @@ class HeldArea:
         The ground counts as level by a share from 0 to 1.
         """
         self.evenness = evenness
-        c, dt, gain = self._c, self._dt, self._spin_gain
+        constants, dt, gain = self._constants, self._dt, self._spin_gain
         self._spin = [spin + gain * (rate - spin) for spin, rate in zip(self._spin, tilting, strict=True)]
         _, _, force, roll, pitch, _ = wrench
-        if force < c.carries:
+        if force < constants.carries:
             return
-        grown = c.area_growth * (1.0 + c.level_growth * evenness) * dt
+        grown = constants.area_growth * (1.0 + constants.level_growth * evenness) * dt
         trust = max(self._trust, self.evenness)
         for i, (edges, moment) in enumerate(((self.ahead, -pitch), (self.aside, roll))):
             cop, spin = moment / force - self._centre[i], self._spin[i]
-            if abs(spin) < c.still:
+            if abs(spin) < constants.still:
                 edges[0] = max(edges[0] - grown, trust * self._least[i])
                 edges[1] = min(edges[1] + grown, trust * self._most[i])
-            elif spin < -c.turning:  # the far end goes down: it turns over the far edge
-                edges[1] = max(0.0, min(edges[1], cop - c.inside))
-            elif spin > c.turning:
-                edges[0] = min(0.0, max(edges[0], cop + c.inside))
+            elif spin < -constants.turning:  # the far end goes down: it turns over the far edge
+                edges[1] = max(0.0, min(edges[1], cop - constants.inside))
+            elif spin > constants.turning:
+                edges[0] = min(0.0, max(edges[0], cop + constants.inside))

@@ -15,7 +15,7 @@ from wbc.walking.stepping.decision import StepState
 from wbc.walking.stepping.law import SIDEWAYS, Orbit, StanceAxes
 from wbc.walking.stepping.path import StepVelocity
 from wbc.walking.stepping.program import Wish
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
+from wbc.walking.stepping.settings import ConstantsInSI, SettingsInSI
 
 HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
@@ -33,7 +33,7 @@ class Asked(NamedTuple):
     time: float  # time T of a step, s
     footsteps: Sequence[Footstep] = ()  # from the one that swings on; none of steps by a velocity
 
-    def wish(self, state: StepState, s: SteppingSettings, carrying: float, pace: float) -> Wish:
+    def wish(self, state: StepState, s: SettingsInSI, carrying: float, pace: float) -> Wish:
         """Return the steps for the program.
 
         Feet carry so far ahead of their centres, m. Steps of a fast walk are as long as their `pace` asks for, the mean
@@ -45,11 +45,11 @@ class Asked(NamedTuple):
         longer = 1.0 + self.fast_share * (pace / self.time - 1.0)
         return steps_of_velocity(((forward - self.steps.made_up) * longer, left), self.width(s), state)
 
-    def orbit(self, side: float, s: SteppingSettings, pace: float, omega: float) -> Orbit:
+    def orbit(self, side: float, s: SettingsInSI, pace: float, omega: float) -> Orbit:
         """Return the orbit of the velocity; see `Orbit.of`."""
         return Orbit.of(self.steps.velocity, side, self.width(s), self.time, pace, omega)
 
-    def width(self, s: SteppingSettings) -> float:
+    def width(self, s: SettingsInSI) -> float:
         """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
         return max(s.width, s.gap + abs(self.steps.velocity[1]) * self.time / SIDEWAYS)
 
@@ -57,13 +57,15 @@ class Asked(NamedTuple):
         """Return the heading of a landing, rad, with the time that is left of the step, s."""
         return self.footsteps[0].yaw if self.footsteps else self.heading + self.turn * max(left, 0.0)
 
-    def touch_share(self, c: SteppingConstants) -> float:
+    def touch_share(self, law: ConstantsInSI) -> float:
         """Return the share of the time of a step at which the foot meets the expected ground."""
+        c = law.swing
         return c.touch_of_plans if self.footsteps else c.touch + self.fast_share * (c.late_touch - c.touch)
 
-    def patience(self, c: SteppingConstants) -> float:
+    def patience(self, law: ConstantsInSI) -> float:
         """Return the offset of ξ over that of the orbit up to which the next step is long enough."""
         # A fast walk needs all of its time.
+        c = law.touch
         return c.patience_of_plans if self.footsteps else c.patience + self.fast_share * (1.0 - c.patience)
 
     @property

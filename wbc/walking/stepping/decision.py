@@ -122,11 +122,11 @@ class StepDecision:
     def __init__(self, values: GaitValues, ground: GroundEstimate) -> None:
         """Make the program."""
         settings, constants, scale, dt = values
-        self._s, self._c, self._scale, self._ground = settings, constants, scale, ground
-        self.area, self._program = HeldArea(scale.sole, constants, dt), StepProgram(scale.height)
+        self._s, self._law, self._scale, self._ground = settings, constants, scale, ground
+        self.area, self._program = HeldArea(scale.sole, constants.area, dt), StepProgram(scale.height)
         self._places = (-settings.reach, settings.gap), (settings.reach, settings.widest)
-        self._most = constants.cop_speed * dt  # change of the centre of pressure in a tick, m
-        self._gain = lag_gain(dt, constants.cop_lag)
+        self._most = constants.area.cop_speed * dt  # change of the centre of pressure in a tick, m
+        self._gain = lag_gain(dt, constants.area.cop_lag)
         self.place: Point = (0.0, 0.0)
         self.end = settings.step_time
         self.begin()
@@ -159,7 +159,7 @@ class StepDecision:
         """
         now, down = self._pendulum(state), None
         bounds = self._bounds(state, now.run)
-        if now.run[1] < bounds.area[0][1] - self._c.outer_cop:  # no centre of pressure brings ξ back
+        if now.run[1] < bounds.area[0][1] - self._law.time.outer_cop:  # no centre of pressure brings ξ back
             down = self._put_down or self._puts_down(state, now.run)
             bounds = bounds.ending() if down is None else bounds.ending(down.end - state.elapsed, down.places)
         self._put_down = down
@@ -169,21 +169,21 @@ class StepDecision:
                 return
             step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), state.nominal)
         self._decided = True
-        near, far = self._c.urgent
+        near, far = self._law.swing.urgent
         self.displaced = off = math.dist(step.place, wish.places[:2])
         self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
         self.place = free = self._centre(state, step.place)
         chosen = None if look is None else self._choose(state, bounds.area, free, look)
         if chosen is not None:
             x, y = state.axes.offset(*chosen)
-            there = x + self._c.carrying, y
+            there = x + self._law.area.carrying, y
             step = self._program.solve(now, wish, bounds, (there, there)) or step
             self.place = self._centre(state, step.place)
         self.end, self._wanted = state.elapsed + step.left, (step.shift[0], state.axes.side * step.shift[1])
 
     def _pendulum(self, state: StepState) -> Now:
         """Return the pendulum about the foot that stands, and the time that is left of the step."""
-        axes, most = state.axes, self._c.cop_error
+        axes, most = state.axes, self._law.area.cop_error
         (x, y, _), (p, q, _) = state.contact, state.cop_command
         ahead, outwards = axes.outwards(x - p, y - q)
         left = max(state.nominal - state.elapsed, 0.0)
@@ -227,7 +227,7 @@ class StepDecision:
         if step is None:
             return program.solve(now, wish, bounds)
         (ahead, aside), (b, d, *_) = step.offset, wish.offsets
-        (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
+        (least_x, most_x), (least_y, most_y) = self.area.caught(self._law.area.caught)
         x = 0.0 if climbs else _beyond(ahead - b, least_x, most_x)
         y = _beyond(aside - d, least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
@@ -237,16 +237,16 @@ class StepDecision:
 
     def _bounds(self, state: StepState, run: Point) -> Bounds:
         """Return the limits of a step, with the offset of ξ from the contact ahead and outwards, m."""
-        c, (half_length, half_width) = self._c, self._scale.sole
+        law, (half_length, half_width) = self._law, self._scale.sole
         # A step that would wait for ξ aside ends where ξ has run ahead.
-        most = max(abs(state.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(run[0]), LEAST_OFFSET)
+        most = max(abs(state.orbit.forward) + law.time.stretch, LEAST_OFFSET) / max(abs(run[0]), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / state.dcm.omega
         shortest, (behind, ahead), (right, left) = self._shortest(state), self.area.ahead, self.area.aside
         inner, outer = (right, left) if state.axes.side > 0.0 else (-left, -right)
         return Bounds(
             places=self._places,
             area=((behind, inner), (ahead, outer)),
-            next_area=(c.next_area * half_length, c.next_area * half_width),
+            next_area=(law.area.next_area * half_length, law.area.next_area * half_width),
             times=(shortest, max(min(max(state.longest - state.elapsed, 0.0), stretched), shortest)),
         )
 
@@ -293,7 +293,8 @@ class StepDecision:
         """Return the way that the swing foot can go."""
         (x, y, u, v), axes = state.swing, state.axes
         ahead, outwards = axes.offset(x, y)
-        return SwingWay((ahead + self._c.carrying, outwards), axes.outwards(u, v), self._c.swing_push)
+        place, law = (ahead + self._law.area.carrying, outwards), self._law
+        return SwingWay(place, axes.outwards(u, v), law.swing.swing_push)
 
     def _time_for_legs(
         self, state: StepState, step: Step, now: Now, wish: Wish, bounds: Bounds
@@ -322,19 +323,19 @@ class StepDecision:
 
     def _centre(self, state: StepState, place: Point) -> Point:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
-        return state.axes.point(place[0] - self._c.carrying, place[1])
+        return state.axes.point(place[0] - self._law.area.carrying, place[1])
 
     def _choose(self, state: StepState, area: tuple[Point, Point], free: Point, look: float) -> Point | None:
         """Return the place near the program's landing where the sole is to rest; None where none is chosen.
 
         The area is that of the shift of the centre of pressure.
         """
-        s, c = self._s, self._c
-        moved = self._chosen_about is None or math.dist(free, self._chosen_about) > c.again
-        early = state.elapsed < c.choice * (state.elapsed + look) / c.touch
+        s, law = self._s, self._law
+        moved = self._chosen_about is None or math.dist(free, self._chosen_about) > law.swing.again
+        early = state.elapsed < law.swing.choice * (state.elapsed + look) / law.swing.touch
         if early or look <= LAST_LOOK or not moved:
             return self._chosen
-        k = self._program.stiffness(area) * (c.balance_cost / self._scale.height**2)
+        k = self._program.stiffness(area) * (law.swing.balance_cost / self._scale.height**2)
         aside = state.axes.side * k[0, 1]
 
         def cost(moves: Places) -> Array:
@@ -343,7 +344,7 @@ class StepDecision:
 
         def allowed(x: float, y: float) -> bool:
             ahead, outwards = state.axes.offset(x, y)
-            return abs(ahead + c.carrying) <= s.reach and s.gap <= outwards <= s.widest
+            return abs(ahead + law.area.carrying) <= s.reach and s.gap <= outwards <= s.widest
 
         (cos, sin), left = state.axes.direction, state.axes.side > 0.0
         place = Footstep("left" if left else "right", *free, self._ground.height, math.atan2(sin, cos))

@@ -34,7 +34,7 @@ class DoubleSupport:
 
     def __init__(self, values: GaitValues, felt: GaitState) -> None:
         """Stand."""
-        self._s, self._c, _, self._dt = values
+        self._s, self._law, _, self._dt = values
         self._felt = felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self.duration = self._shift_time = self._late = 0.0
@@ -52,17 +52,17 @@ class DoubleSupport:
             return None
         left, right = (abs(along(direction, dcm.x - x, dcm.y - y)[1]) for x, y, _ in state.places)
         stance, loads = (0 if left > right else 1), [row[2] for row in state.wrenches]
-        if loads[stance] < self._c.least_force < loads[1 - stance]:
+        if loads[stance] < self._law.touch.least_force < loads[1 - stance]:
             stance = 1 - stance  # a foot that has been kicked away carries nothing
         return stance
 
     def joined(self, air: Sequence[float], landed: Sequence[float]) -> int | None:
         """Return the foot that carries in the step of a robot that walks, else None; see `SteppingWalk.begin`."""
-        least, loads = self._c.least_force, [row[2] for row in self._felt.state.wrenches]
+        least, loads = self._law.touch.least_force, [row[2] for row in self._felt.state.wrenches]
         up = [time > 0.0 for time in air]
         if up[0] == up[1]:
             up = [loads[side] < least < loads[1 - side] for side in (0, 1)]
-        if max(loads) < least or not (any(up) or min(landed) < self._c.landed):
+        if max(loads) < least or not (any(up) or min(landed) < self._law.touch.landed):
             return None
         return up.index(False) if any(up) else int(landed[1] < landed[0])
 
@@ -74,7 +74,7 @@ class DoubleSupport:
         With the gains of a stand, a reference that goes there from the CoM of the robot would ask for the same
         acceleration: it is that of a feedback of ξ alone, whose place of rest is this middle.
         """
-        (left, right), most = self._carrying_points(), self._c.most_force
+        (left, right), most = self._carrying_points(), self._law.touch.most_force
         x, y, height = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
         return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), height, (most, most))
 
@@ -86,8 +86,8 @@ class DoubleSupport:
         (x, y, _), (u, v) = self._felt.state.com, self._felt.offset  # hands shift the CoM by −δ
         self._from = x + u, y + v
         self._footsteps, self._late = footsteps, 0.0
-        self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
-        self.duration = self._shift_time + self._c.rest
+        self._shift_time = self._law.stand.shift_to_plans if footsteps else self._law.stand.shift_time
+        self.duration = self._shift_time + self._law.stand.rest
 
     def delay(self) -> None:
         """Let the shift be slower in a tick, the deeper the feet sink.
@@ -108,7 +108,7 @@ class DoubleSupport:
 
         The heading is given by its cosine and sine, and a step along footsteps takes a `time`, s.
         """
-        feet, most, stance = self._carrying_points(), self._c.most_force, self._felt.stance
+        feet, most, stance = self._carrying_points(), self._law.touch.most_force, self._felt.stance
         axes = StanceAxes(SIDE[stance], direction, feet[stance])
         ahead, outwards = self._rest_of_dcm(axes, time)
         goal, slower = axes.point(ahead, outwards), self._slower
@@ -118,13 +118,13 @@ class DoubleSupport:
 
     def _rest_of_dcm(self, axes: StanceAxes, time: float) -> Point:
         """Return where ξ rests when the weight has shifted, ahead and outwards of the foot that is to stand, m."""
-        s, c, omega = self._s, self._c, self._felt.dcm.omega
+        s, law, omega = self._s, self._law, self._felt.dcm.omega
         if not self._footsteps:
-            return 0.0, c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
-        wish = steps_of_plan(self._footsteps, c.carrying, s.width, axes, omega, time)
-        grown, most = math.exp(omega * time), SHIFTED * 0.5 * c.standing_box[0]
+            return 0.0, law.stand.shift * s.width / (1.0 + math.exp(omega * s.step_time))
+        wish = steps_of_plan(self._footsteps, law.area.carrying, s.width, axes, omega, time)
+        grown, most = math.exp(omega * time), SHIFTED * 0.5 * law.area.standing_box[0]
         ahead, outwards = ((s + b) / grown for s, b in zip(wish.places[:2], wish.offsets[:2], strict=True))
-        return min(max(ahead, -most - c.carrying), most - c.carrying), outwards
+        return min(max(ahead, -most - law.area.carrying), most - law.area.carrying), outwards
 
     def _carrying_points(self) -> tuple[Vector, Vector]:
         """Return the points of the left and of the right sole that carry, m."""

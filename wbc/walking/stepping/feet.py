@@ -18,7 +18,7 @@ from wbc.base.numbers import Array
 from wbc.base.vectors import Point
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants
+from wbc.walking.stepping.settings import ConstantsInSI, RobotSize
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
 COM_HEIGHT = 3.67, 3.46
@@ -75,18 +75,18 @@ class SteppingFeet:
         stand: Those in a stand.
     """
 
-    def __init__(self, scale: RobotSize, law: SteppingConstants) -> None:
-        """Multiply the costs out for a robot; the constants of the law are in SI units."""
+    def __init__(self, scale: RobotSize, law: ConstantsInSI) -> None:
+        """Multiply the costs out for a robot."""
         self._law, turn, omega = law, scale.height**2, scale.omega  # from (h rad/s²)² to (rad/s²)²
         self.single, self.firm = halves(HELD, HELD_TURN * turn), halves(HELD, STANDING_TURN * turn)
         self._yielding = YIELDING * self.single
         height = COM_HEIGHT[0] * omega**2, COM_HEIGHT[1] * omega
-        self.shift = _com_gains(law.shift_gains, height)
-        self.stand = _com_gains((law.stand_gain * omega**2, (1.0 + law.stand_gain) * omega), height)
+        self.shift, gain = _com_gains(law.stand.shift_gains, height), law.stand.stand_gain
+        self.stand = _com_gains((gain * omega**2, (1.0 + gain) * omega), height)
         self._gains = {
-            GaitPhase.STANDING: PhaseGains(BOTH_FEET, *self.stand, law.standing_box),
-            GaitPhase.DOUBLE: PhaseGains(BOTH_FEET, *self.shift, law.standing_box),
-            GaitPhase.SINGLE: PhaseGains(ONE_FOOT, *self.shift, law.box),
+            GaitPhase.STANDING: PhaseGains(BOTH_FEET, *self.stand, law.area.standing_box),
+            GaitPhase.DOUBLE: PhaseGains(BOTH_FEET, *self.shift, law.area.standing_box),
+            GaitPhase.SINGLE: PhaseGains(ONE_FOOT, *self.shift, law.area.box),
         }
         self._urgent = np.array([URGENT[0], URGENT[0], URGENT[1], 1.0, 1.0, 1.0]) - 1.0
 
@@ -102,15 +102,15 @@ class SteppingFeet:
         """Return cost and forces of a foot on the ground, 0 left and 1 right."""
         law, progress = self._law, reference.progress
         single, most = progress.phase is GaitPhase.SINGLE, reference.most_force[side]
-        most = max(most, UNLOADED * law.most_force)
+        most = max(most, UNLOADED * law.touch.most_force)
         if single and side != progress.stance:  # it unloads, or waits to take over
             return FootLoad(self._yielding, 0.0, most)
-        least = SHARED * law.least_force if all(progress.contact) else law.carried
+        least = SHARED * law.touch.least_force if all(progress.contact) else law.touch.carried
         return FootLoad(self.single if single else self.firm, least, most)
 
     def centre(self, side: int, reference: Reference) -> Point:
         """Return the centre of the box of the centre of pressure on a sole, m."""
-        progress, carrying = reference.progress, self._law.carrying
+        progress, carrying = reference.progress, self._law.area.carrying
         if progress.phase is GaitPhase.STANDING:
             return 0.0, 0.0
         if progress.phase is GaitPhase.SINGLE and side == progress.stance:

@@ -105,7 +105,7 @@ class SteppingWalk(ReferenceSource):
         self.settings, self.constants, self.scale, self.dt = self._values
         self.com_height, self.reach, self._extent = scale.height, reach, extent
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
-        self.ground = GroundEstimate(self.constants.ground_share, 0.0, scale.leg / 3.0)
+        self.ground = GroundEstimate(self.constants.swing.ground_share, 0.0, scale.leg / 3.0)
         self.begin(heading)
 
     @staticmethod
@@ -146,7 +146,7 @@ class SteppingWalk(ReferenceSource):
         self.height = HeightCourse(self.scale, self.dt)
         self.stand = DoubleSupport(values, self.felt)
         self.step = SingleSupport(values, self.felt, self.ground)
-        supported = min(self.step.decision.area.widest / self.constants.slow_width, 1.0)
+        supported = min(self.step.decision.area.widest / self.constants.area.slow_width, 1.0)
         self.steering = PathSteering(values, heading, self._extent, supported)
         self._reader: BodyReader | None = None
         self._joins = joins  # until the first tick
@@ -183,7 +183,7 @@ class SteppingWalk(ReferenceSource):
     @property
     def standing_box(self) -> Point:
         """Half of the box of a sole in which the centre of pressure stays in a stand, along and across it, m."""
-        length, width = self.constants.standing_box
+        length, width = self.constants.area.standing_box
         return 0.5 * length, 0.5 * width
 
     def take(self, planner: FootstepSource | None) -> None:
@@ -258,7 +258,7 @@ class SteppingWalk(ReferenceSource):
         most_force = laden * now.most_force[0], laden * now.most_force[1]
         self.progress = progress = self._record((most_force[0] > 0.0, most_force[1] > 0.0), events)
         feet = [
-            step.swing.at(felt.elapsed, self.constants.swing_push)
+            step.swing.at(felt.elapsed, self.constants.swing.swing_push)
             if side == progress.air and step.swing is not None
             else FootMotion.at_rest(place.copy())
             for side, place in enumerate(felt.frames)
@@ -315,7 +315,7 @@ class SteppingWalk(ReferenceSource):
     def _is_to_walk(self) -> bool:
         """Return True if a robot that stands is asked for steps; its planner is asked for footsteps."""
         asks = self.planner is not None and self.time >= self._next
-        if self.felt.elapsed <= self.constants.rest or not (asks or self.steering.pending):
+        if self.felt.elapsed <= self.constants.stand.rest or not (asks or self.steering.pending):
             return False
         self._plan_steps(None)
         if self.footsteps:
@@ -356,7 +356,7 @@ class SteppingWalk(ReferenceSource):
 
     def _change_feet(self) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
-        c, felt, state, steering = self.constants, self.felt, self.felt.state, self.steering
+        law, felt, state, steering = self.constants, self.felt, self.felt.state, self.steering
         steering.land(self.step.end())
         landed = felt.swing
         self.steps_done += 1
@@ -370,10 +370,10 @@ class SteppingWalk(ReferenceSource):
                 1e3 * self.missed,
                 1e3 * self.step.decision.displaced,
             )
-        slow = math.hypot(*steering.velocity) < c.stop_speed
-        near = slow and state.apart() < c.stop_length
+        slow = math.hypot(*steering.velocity) < law.stand.stop_speed
+        near = slow and state.apart() < law.stand.stop_length
         steps = self.step.asked.steps
-        if not steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
+        if not steps.go and near and felt.outside(felt.dcm, law.stand.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
             self.footsteps = ()
             steering.rest(self._middle())

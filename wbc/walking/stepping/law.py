@@ -29,7 +29,7 @@ from typing import NamedTuple
 from wbc.base.vectors import Point, Vector, add_cross, along
 from wbc.core.robot import GRAVITY
 from wbc.walking.plans.swing import RISE
-from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
+from wbc.walking.stepping.settings import ConstantsInSI, RobotSize, SettingsInSI
 
 SIDEWAYS = 0.8
 """Greatest ratio of the distance between the feet by which they come together in a walk to the side."""
@@ -97,15 +97,15 @@ class Pace(NamedTuple):
     longest: float  # longest time of a step, s
 
     @staticmethod
-    def of(constants: SteppingConstants, settings: SteppingSettings, scale: RobotSize) -> Pace:
-        """Return the pace of a robot whose hips swing its legs with a share of their torque, all in SI units.
+    def of(constants: ConstantsInSI, settings: SettingsInSI, scale: RobotSize) -> Pace:
+        """Return the pace of a robot whose hips swing its legs with a share of their torque.
 
         A foot that passes from rest to rest over two steps of the length v T in the share t of the time T is
         accelerated by 10/√3 · 2 v T / (t T)² at most.
         """
-        c, s = constants, settings
-        swing = s.effort * scale.swing * c.late_touch**2 / (2.0 * RISE)
-        return Pace(c.brisk, c.quick, swing, scale.stride, s.longest * s.step_time)
+        swing = settings.effort * scale.swing * constants.swing.late_touch**2 / (2.0 * RISE)
+        longest = settings.longest * settings.step_time
+        return Pace(constants.time.brisk, constants.time.quick, swing, scale.stride, longest)
 
     def time(self, speed: float, slow: float) -> float:
         """Return the time T of a step at a forward speed, m/s, with that of a slow step, s.

@@ -43,9 +43,10 @@ class PathSteering(Steering):
     ) -> None:
         """Stand with a heading, rad, on a ground of an extent, m, on soles that are `supported` so far."""
         settings, constants, scale, dt = values
-        self._s, self._c, self._sole, self._dt = settings, constants, scale.sole, dt
+        self._s, self._law, self._sole, self._dt = settings, constants, scale.sole, dt
+        near = constants.path.near
         self._pace = pace = Pace.of(constants, settings, scale)
-        self._path_gain = lag_gain(dt, self._c.path_lag)
+        self._path_gain = lag_gain(dt, self._law.path.path_lag)
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
@@ -57,7 +58,7 @@ class PathSteering(Steering):
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
         forward = pace.fastest(settings.step_time)
         back = min(settings.fastest_back, forward)
-        super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), self._c.near, extent)
+        super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), near, extent)
 
     @property
     def step_time(self) -> float:
@@ -70,7 +71,7 @@ class PathSteering(Steering):
         if stair < 0.0:
             return self._pace.time(self.velocity[0], s.slow_time)
         supported = 1.0 if stair else self.supported
-        slow = s.step_time + supported * max(min(self._c.plan_time, s.slow_time) - s.step_time, 0.0)
+        slow = s.step_time + supported * max(min(self._law.time.plan_time, s.slow_time) - s.step_time, 0.0)
         return self._pace.time(self.velocity[0], slow)
 
     @property
@@ -82,7 +83,7 @@ class PathSteering(Steering):
     def _slow(self) -> float:
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
-        brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
+        brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._law.path.slow_turn)
         slow = self.supported * min(max(2.0 - brisk, 0.0), 1.0) if self.pending else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
 
@@ -92,7 +93,7 @@ class PathSteering(Steering):
 
     def land(self, supported: float) -> None:
         """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
-        less, more = self._c.held_gain
+        less, more = self._law.area.held_gain
         self.supported += (less if supported < self.supported else more) * (supported - self.supported)
 
     def follow(self, velocity: Point, heading: float) -> None:
@@ -111,15 +112,15 @@ class PathSteering(Steering):
         Feet that held on to the heading would cross beneath it.
         """
         off = math.remainder(heading - self.heading, math.tau)
-        if abs(off) > self._c.pelvis_turn:
-            self.turn_to(self.heading + off - math.copysign(self._c.pelvis_turn, off))
+        if abs(off) > self._law.path.pelvis_turn:
+            self.turn_to(self.heading + off - math.copysign(self._law.path.pelvis_turn, off))
 
     def arrives(self, place: Point) -> bool:
         """Return True, and drop the goal, if it is reached at a place, m."""
         if self.goal is None:
             return False
         distance, turn = self.away(place, self.heading)
-        if distance >= self._c.arrived or abs(turn) >= self._c.arrived_turn:
+        if distance >= self._law.path.arrived or abs(turn) >= self._law.path.arrived_turn:
             return False
         self.goal = None
         return True
@@ -164,21 +165,21 @@ class PathSteering(Steering):
             self._goal, self._line = self.goal, None
         if self.goal is None:
             return AT_REST if self.target is None else self.limited(self.target)
-        c, (x, y, _), (distance, _) = self._c, self.goal, self.away(place, self.heading)
-        if distance > c.near:
+        law, (x, y, _), (distance, _) = self._law.path, self.goal, self.away(place, self.heading)
+        if distance > law.near:
             straight = math.atan2(y - place[1], x - place[0])
-            if self._line is None or abs(math.remainder(straight - self._line[1], math.tau)) > c.astray:
+            if self._line is None or abs(math.remainder(straight - self._line[1], math.tau)) > law.astray:
                 self._line = place, straight
         else:
             self._line, self._path = None, place  # a near goal is walked to as one stands
             if self.arrives(place):
                 return AT_REST
         towards = None if self._line is None else self._line[1]
-        return self.limited(self.approach(place, self.heading, c.goal_time, self._s.cruise, towards))
+        return self.limited(self.approach(place, self.heading, law.goal_time, self._s.cruise, towards))
 
     def _kept_to_path(self, place: Point, turn: float) -> Point:
         """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
-        c, (x, y) = self._c, self.velocity
+        law, (x, y) = self._law.path, self.velocity
         cos, sin = self.direction
         if self._line is not None:
             (from_x, from_y), direction = self._line
@@ -192,16 +193,16 @@ class PathSteering(Steering):
         taken = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
         across = 0.0 if y == 0.0 and turn == 0.0 else aside * self._path_gain
         self._path = (path[0] + cos * taken - sin * across, path[1] + sin * taken + cos * across)
-        most = c.drift_speed
-        back = -c.drift_gain * (ahead - taken), -c.drift_gain * aside
+        most = law.drift_speed
+        back = -law.drift_gain * (ahead - taken), -law.drift_gain * aside
         return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
 
     def _make_up(self, asked: Point, speed: Point, fast_share: float) -> None:
         """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
-        c, (cos, sin) = self._c, self.direction
+        law, (cos, sin) = self._law.path, self.direction
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
         slow = self._slow
-        lag = c.speed_lag * (slow / self._pace.time(self.velocity[0], slow)) ** 4
-        missing, most = self._missing + short * self._dt / lag, (1.0 + fast_share) * c.speed_bias
+        lag = law.speed_lag * (slow / self._pace.time(self.velocity[0], slow)) ** 4
+        missing, most = self._missing + short * self._dt / lag, (1.0 + fast_share) * law.speed_bias
         self._missing = min(max(missing, -most), most)

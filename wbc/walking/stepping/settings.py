@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +21,17 @@ from wbc.walking.plans.leg import Leg
 from wbc.walking.plans.reach import SPANS
 
 Pair = tuple[NonNegative, NonNegative]
+Length = Annotated[NonNegative, "h"]
+Lengths = Annotated[Pair, "h"]
+Time = Annotated[NonNegative, "1/ω"]
+Speed = Annotated[NonNegative, "hω"]
+Rate = Annotated[NonNegative, "ω"]
+Force = Annotated[NonNegative, "mg"]
+Angle = Annotated[NonNegative, "rad"]
+Box = Annotated[Pair, "sole"]
+Gains = tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]]
+
+IN_SI = "these values are in SI units already: give those in units of the robot"
 
 APART = 1.25
 """Least distance between the feet without disturbances, over that of soles a gap apart."""
@@ -79,214 +90,199 @@ class RobotSize:
         )
 
 
-@settings
-class SteppingConstants:
-    """Constants of the law, in units of the robot; docs/measured_walks.md has what parts of it are worth."""
+def _refuse_falling(**pairs: Pair) -> None:
+    """Raise an `InputError` for pairs that do not grow."""
+    for name, (low, high) in pairs.items():
+        if low >= high:
+            raise InputError(
+                f"the second number of {name} must be above the first one, got {low:g}, {high:g}"
+            )
 
-    # ---- Time and place of a step.
-    # Velocity about which steps begin to take longer, because longer steps need more time; velocity from which on they
-    # take as little time as the torque of the hips lets them.
-    brisk: Annotated[Positive, "hω"] = 0.23
-    quick: Annotated[Positive, "hω"] = 0.21
-    # Time T of a step along footsteps on soles that are supported across their width.
-    plan_time: Annotated[NonNegative, "1/ω"] = 2.2
-    # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
-    time_lag: Annotated[NonNegative, "1/ω"] = 0.111
-    # Greatest time of a step when it begins, over the nominal time.
-    later: NonNegative = 1.15
-    # Distance of the DCM past the outer CoP bound from which on the step ends as soon as it can.
-    outer_cop: Annotated[NonNegative, "h"] = 0.008
-    # Distance of ξ ahead of its orbit that ends a step which would otherwise wait for ξ aside.
-    stretch: Annotated[NonNegative, "h"] = 0.09
-    # Weight of the last step in the mean time of steps.
-    pace_gain: Share = 0.2
-    # ---- Contact of the foot that stands.
+
+@settings
+class TimeConstants:
+    """Time of a step."""
+
+    brisk: Annotated[Positive, "hω"] = 0.23  # speed about which steps begin to take longer
+    quick: Annotated[Positive, "hω"] = 0.21  # speed from which on the torque of the hips sets their time
+    plan_time: Time = 2.2  # time T of a step along footsteps on soles that are supported across their width
+    time_lag: Time = 0.111  # low-pass of the time of a step: noise of ξ would move it by more than 10 ms
+    later: NonNegative = 1.15  # greatest time of a step when it begins, over the nominal time
+    outer_cop: Length = 0.008  # distance of ξ past the outer CoP bound from which on a step ends at once
+    stretch: Length = 0.09  # distance of ξ ahead of its orbit that ends a step which waits for ξ aside
+    pace_gain: Share = 0.2  # weight of the last step in the mean time of steps
+    period: Time = 0.021  # period of the program
+
+
+@settings
+class AreaConstants:
+    """Contact of the foot that stands: its centre of pressure, and the area of the sole that is supported."""
+
     # Carrying point, ahead of the centre of the sole: between centre and ankle either of them can hold a moment.
     carrying: Annotated[Number, "ankle"] = 0.57
-    # Low-pass of the measured centre of pressure: force sensors ring at impacts.
-    cop_lag: Annotated[NonNegative, "1/ω"] = 0.081
-    # Size of the box of the centre of pressure about the commanded one: one stone gives no moment.
-    box: Annotated[Pair, "sole"] = (0.035, 0.067)
-    # The same on both feet: what a sole holds on stones.
-    standing_box: Annotated[Pair, "sole"] = (0.59, 0.67)
-    # ---- Supported area of the foot that stands, and the centre of pressure in it.
-    # Distance of the greatest area from the edges of the sole.
-    margin: Annotated[NonNegative, "h"] = 0.026
-    # Half width of a sole whose area counts for nothing on rough ground, and of one whose area counts in full.
-    trusted: Annotated[Pair, "h"] = (0.045, 0.065)
-    # Height between the feet up to which the ground counts as level, and from which on as rough.
-    even: Annotated[Pair, "h"] = (0.01, 0.03)
-    # Growth of each edge on rough ground: the whole sole within a step.
-    area_growth: Annotated[NonNegative, "hω"] = 0.09
-    # The part of the growth that level ground adds, over that on rough ground.
-    level_growth: NonNegative = 4.0
-    # Distance of the edge of an area from the measured centre of pressure, where the foot turns over this edge.
-    inside: Annotated[NonNegative, "h"] = 0.0064
-    # Greatest rate of a foot that stands; least rate of a foot that turns over an edge; low-pass of both rates.
-    still: Annotated[NonNegative, "ω"] = 0.07
-    turning: Annotated[NonNegative, "ω"] = 0.14
-    spin_lag: Annotated[NonNegative, "1/ω"] = 0.044
-    # Normal force from which on the centre of pressure shows where a foot holds.
-    carries: Annotated[NonNegative, "mg"] = 0.3
-    # Greatest speed of the commanded centre of pressure: moments do not jump.
-    cop_speed: Annotated[NonNegative, "hω"] = 0.36
-    # Greatest difference of measured and commanded centre of pressure that counts.
-    cop_error: Annotated[NonNegative, "h"] = 0.038
-    # Part of the half sole that the next foot is expected to hold: stones hold less than all.
-    next_area: Share = 0.3
-    # Part of the next sole that holds what a landing along footsteps leaves: its area has to grow first.
-    caught: Share = 0.7
-    # Period of the program.
-    period: Annotated[NonNegative, "1/ω"] = 0.021
-    # Half of the supported width in the last steps from which on steps are slow.
-    slow_width: Annotated[Positive, "h"] = 0.04
-    # Weight of the last step in this width, where it is less and where it is more.
-    held_gain: tuple[Share, Share] = (0.8, 0.3)
-    # ---- The foot that has landed takes over.
-    # Offset of ξ over that of the orbit up to which the next step is long enough.
-    patience: Positive = 1.5
-    # The same along footsteps: a step that begins early leaves ξ behind its plan and outside of it.
-    patience_of_plans: Positive = 1.0
-    # Time ahead for which waiting is judged, in 1/ω, which stays its unit.
-    wait: NonNegative = 0.2
-    # Greatest force of a foot that waits: more would move the contact point.
-    share: Annotated[NonNegative, "mg"] = 0.3
-    # Time in which the foot that has carried gives up its load.
-    unload: Annotated[NonNegative, "1/ω"] = 0.20
-    # Greatest force of a foot: with twice the weight robots jump to gain yaw moment.
-    most_force: Annotated[NonNegative, "mg"] = 1.4
-    # Force from which on a foot is in contact, and the least one of both feet together.
-    least_force: Annotated[NonNegative, "mg"] = 0.061
-    # Least force of a foot that carries alone. Where ξ is far aside a force up has a moment about the CoM, and the QP
-    # would rather give up the force than let the trunk turn; but a trunk comes upright again, and a fall does not.
-    carried: Annotated[NonNegative, "mg"] = 0.5
-    # ---- Swing, over the time of the step.
-    apex: Share = 0.42
-    # Time at which the foot meets the expected ground: a foot that comes late fells robots.
-    touch: Ratio = 0.88
-    # The same in a walk of twice the velocity `quick`, whose long steps need the time.
-    late_touch: Ratio = 0.95
-    # The same along footsteps.
-    touch_of_plans: Ratio = 0.92
-    # Time at which the sole is level: one that is still tilted rubs at edges.
-    level: Share = 0.3
-    # Greatest acceleration over the ground: a long step takes its time.
-    swing_push: Annotated[NonNegative, "g"] = 6.5
-    # Stiffness and damping of the task of the swing foot's place.
-    swing_gains: tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]] = (30.6, 9.9)
-    # Distance of a landing from the one that was asked for, from which on the swing foot goes before the trunk, and at
-    # which it does so in full.
-    urgent: Annotated[Pair, "h"] = (0.2, 0.5)
-    lift_speed: Annotated[NonNegative, "hω"] = 0.206
-    # Greatest acceleration upwards: hips lack torque for more in a short step.
-    lift: Annotated[Positive, "g"] = 4.0
-    # Speed of a landing: soft on level ground, quicker by `landing_gain` for each height between the feet in the last
-    # steps, and at most as the third one says.
-    landing_speed: Annotated[NonNegative, "hω"] = 0.103
-    landing_gain: Annotated[NonNegative, "ω"] = 4.3
-    hardest: Annotated[NonNegative, "hω"] = 0.25
-    # Depth of the search for the ground, at which a leg is still not straight, and its time.
-    search: Annotated[NonNegative, "h"] = 0.20
-    search_time: Annotated[Positive, "1/ω"] = 1.21
-    # Least time of a piece of the swing's motion.
-    piece: Annotated[Positive, "1/ω"] = 0.2
-    # ---- Contact of the foot in the air.
-    # Part of the step before which a force is that of a foot that rubs.
-    early: Share = 0.5
-    # Speed of a swing foot, beside twice the velocity of the walk, from which on it is a pushed foot; time for which
-    # its force is no contact then, and for which it goes after the trunk.
-    pushed_speed: Annotated[NonNegative, "hω"] = 1.2
-    pushed_time: Annotated[NonNegative, "1/ω"] = 0.4
-    # Speed of a foot without load in a stand from which on it has been kicked away.
-    kicked: Annotated[NonNegative, "hω"] = 0.2
-    # Time since a landing up to which a robot on both feet is on its way, where the gait begins anew.
-    landed: Annotated[NonNegative, "1/ω"] = 1.15
-    # Change of the height of a foot that stands from which on its estimate has moved, and not the foot.
-    drifted: Annotated[NonNegative, "h"] = 0.033
-    # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
-    low: NonNegative = 1.1
-    # Viability of the planned landing over that of a place where the foot rubs, from which on the foot goes on.
-    rubs: NonNegative = 1.3
-    # Force from which on the foot has met the ground; below which it has lost it again; of the other foot, which must
-    # hold meanwhile, or it is a flight; time for which that must last.
-    met: Annotated[NonNegative, "mg"] = 0.122
-    lost: Annotated[NonNegative, "mg"] = 0.015
-    held: Annotated[NonNegative, "mg"] = 0.18
-    lost_time: Annotated[NonNegative, "1/ω"] = 0.12
-    # ---- Height.
-    # Low-pass of the height of the feet that carry: the CoM need not follow each stone.
-    level_lag: Annotated[NonNegative, "1/ω"] = 1.01
-    # Part of an unexpected height that the next landing expects.
-    ground_share: Share = 0.75
-    # Height of a landing that is seen, over either foot or under it, from which on it is a stair.
-    stair: Annotated[NonNegative, "h"] = 0.1
-    # ---- Choice of a place on ground that is seen.
-    # Cost of a landing away from the program's, over the program's own cost in h².
-    balance_cost: Annotated[NonNegative, "h"] = 3.0
-    # Part of the step's time from which on a place is chosen.
-    choice: Share = 0.15
-    # Move of the program's landing from which on another place is chosen.
-    again: Annotated[NonNegative, "h"] = 0.03
-    # ---- Both feet.
-    shift_time: Annotated[Positive, "1/ω"] = 2.83
-    # The same before footsteps, which begin nearer to the foot that stands: ξ must not leave the soles on the way.
-    shift_to_plans: Annotated[Positive, "1/ω"] = 4.2
-    # Place of ξ when the shift ends, in b_y of a step in place: the first step begins late.
-    shift: NonNegative = 1.3
-    shift_gains: tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]] = (2.45, 3.2)
-    rest: Annotated[NonNegative, "1/ω"] = 0.6
-    stand_gain: NonNegative = 0.74
-    # Greatest speed, and greatest distance between the feet, at which the robot stands again: a wide stand holds no
-    # push to the side. Size of the box in which ξ must be, over the standing box.
-    stop_speed: Annotated[NonNegative, "hω"] = 0.02
-    stop_length: Annotated[NonNegative, "h"] = 0.6
-    stop_box: NonNegative = 0.9
-    # ---- Steering.
-    # Distance within which a goal is walked to without being faced: turns cost steps.
-    near: Annotated[NonNegative, "h"] = 0.8
-    # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
-    astray: Annotated[NonNegative, "rad"] = 0.8
-    # Time of the approach to a near goal: some two steps.
-    goal_time: Annotated[Positive, "1/ω"] = 4.0
-    # Distance and turn at which a goal is reached: what steps reach, as landings serve the balance.
-    arrived: Annotated[NonNegative, "h"] = 0.15
-    arrived_turn: Annotated[NonNegative, "rad"] = 0.15
-    # Turn from which on steps become quick: headings turn as a foot stands.
-    slow_turn: Annotated[Positive, "ω"] = 0.05
-    # Low-pass of the path behind a robot that walks sideways or turns.
-    path_lag: Annotated[NonNegative, "1/ω"] = 2.0
-    # Low-pass of the velocity by which the robot falls short, and its greatest value, twice in a fast walk: where feet
-    # carry is known to centimetres.
-    speed_lag: Annotated[Positive, "1/ω"] = 8.0
-    speed_bias: Annotated[NonNegative, "hω"] = 0.08
-    # Gain and greatest velocity of the way back to the path.
-    drift_gain: Annotated[NonNegative, "ω"] = 0.124
-    drift_speed: Annotated[NonNegative, "hω"] = 0.041
-    # Greatest angle of the pelvis from the heading: a push may turn it.
-    pelvis_turn: Annotated[NonNegative, "rad"] = 0.35
+    cop_lag: Time = 0.081  # low-pass of the measured centre of pressure: force sensors ring at impacts
+    box: Box = (0.035, 0.067)  # of the centre of pressure about the commanded one: one stone gives no moment
+    standing_box: Box = (0.59, 0.67)  # of the centre of pressure on both feet: what a sole holds on stones
+    margin: Length = 0.026  # distance of the greatest area from the edges of the sole
+    trusted: Lengths = (
+        0.045,
+        0.065,
+    )  # half widths of soles whose area on rough ground counts not, and in full
+    even: Lengths = (0.01, 0.03)  # heights between the feet up to which ground is level, and from which rough
+    area_growth: Speed = 0.09  # growth of each edge on rough ground: the whole sole within a step
+    level_growth: NonNegative = 4.0  # growth of the area that level ground adds, over that on rough ground
+    inside: Length = 0.0064  # distance of an edge over which the foot turns from the centre of pressure
+    still: Rate = 0.07  # greatest rate of a foot that stands
+    turning: Rate = 0.14  # least rate of a foot that turns over an edge
+    spin_lag: Time = 0.044  # low-pass of the rates of the foot
+    carries: Force = 0.3  # normal force from which on the centre of pressure shows where a foot holds
+    cop_speed: Speed = 0.36  # greatest speed of the commanded centre of pressure: moments do not jump
+    cop_error: Length = 0.038  # greatest difference of measured and commanded centre of pressure that counts
+    next_area: Share = 0.3  # share of the half sole that the next foot is expected to hold on stones
+    caught: Share = 0.7  # share of the next sole that holds what a landing along footsteps leaves
+    slow_width: Annotated[Positive, "h"] = 0.04  # half of the supported width from which on steps are slow
+    held_gain: tuple[Share, Share] = (0.8, 0.3)  # weight of the last step in this width, if less and if more
 
     def __post_init__(self) -> None:
         """Refuse pairs that do not grow."""
-        for name in ("trusted", "even", "urgent"):
-            low, high = getattr(self, name)
-            if low >= high:
-                raise InputError(
-                    f"the second number of {name} must be above the first one, got {low:g} and {high:g}"
-                )
+        _refuse_falling(trusted=self.trusted, even=self.even)
+
+
+@settings
+class TouchConstants:
+    """Contact of the foot in the air, the foot that takes over, and the forces of both."""
+
+    patience: Positive = 1.5  # offset of ξ over that of the orbit up to which the next step is long enough
+    # The same along footsteps: a step that begins early leaves ξ behind its plan and outside of it.
+    patience_of_plans: Positive = 1.0
+    wait: NonNegative = 0.2  # time ahead for which waiting is judged, 1/ω; it stays in this unit
+    share: Force = 0.3  # greatest force of a foot that waits: more would move the contact point
+    unload: Time = 0.20  # time in which the foot that has carried gives up its load
+    most_force: Force = 1.4  # greatest force of a foot: with twice the weight robots jump to gain yaw moment
+    least_force: Force = 0.061  # from which on a foot is in contact, and least force of both together
+    # Least force of a foot that carries alone. Where ξ is far aside, an upward force has a moment about the CoM: the QP
+    # would give up this force rather than let the trunk turn; but a trunk comes upright again, and a fall does not.
+    carried: Force = 0.5
+    early: Share = 0.5  # share of the step before which a force is that of a foot that rubs
+    pushed_speed: Speed = 1.2  # of a swing foot from which on it is pushed, beside twice the walk's velocity
+    pushed_time: Time = 0.4  # for which the force of a pushed foot is no contact, and its place costs less
+    kicked: Speed = 0.2  # speed of a foot without load in a stand from which on it has been kicked away
+    landed: Time = 1.15  # time since a landing up to which a robot on both feet counts as walking
+    drifted: Length = 0.033  # change of a standing foot's height from which on its estimate has moved
+    low: NonNegative = 1.1  # height over the ground, in heights of a swing, above which a force is no contact
+    rubs: NonNegative = 1.3  # viability of the landing over that of where the foot rubs, if the foot goes on
+    met: Force = 0.122  # force from which on the foot has met the ground
+    lost: Force = 0.015  # force below which the foot has lost the ground again
+    held: Force = 0.18  # of the other foot, which must hold while a foot loses the ground: else both fly
+    lost_time: Time = 0.12  # time for which the foot must have lost the ground
+
+
+@settings
+class SwingConstants:
+    """Motion of the foot in the air, and the ground that it is to meet; shares are of the time of the step."""
+
+    apex: Share = 0.42  # share at which the foot is highest
+    touch: Ratio = 0.88  # share at which the foot meets the expected ground: a late foot fells robots
+    late_touch: Ratio = 0.95  # `touch` in a walk of twice the velocity `quick`: long steps need the time
+    touch_of_plans: Ratio = 0.92  # `touch` along footsteps
+    level: Share = 0.3  # share at which the sole is level: one that is still tilted rubs at edges
+    swing_push: Annotated[NonNegative, "g"] = 6.5  # greatest acceleration over the ground
+    swing_gains: Gains = (30.6, 9.9)  # stiffness and damping of the task of the swing foot's place
+    # Distances of a landing from the wanted one at which the swing foot begins to go before the trunk, and fully does.
+    urgent: Lengths = (0.2, 0.5)
+    lift_speed: Speed = 0.206  # speed at which the foot leaves the ground
+    lift: Annotated[Positive, "g"] = 4.0  # greatest acceleration upwards: hips have no torque for more
+    landing_speed: Speed = 0.103  # speed of a landing on level ground
+    landing_gain: Rate = 4.3  # speed of a landing that each height between the feet in the last steps adds
+    hardest: Speed = 0.25  # greatest speed of a landing
+    search: Length = 0.20  # depth of the search for the ground, at which a leg is still not straight
+    search_time: Annotated[Positive, "1/ω"] = 1.21  # time of the search for the ground
+    piece: Annotated[Positive, "1/ω"] = 0.2  # least time of a piece of the swing's motion
+    level_lag: Time = 1.01  # low-pass of the height of the feet that carry: no stone need lift the CoM
+    ground_share: Share = 0.75  # share of an unexpected height that the next landing expects
+    stair: Length = 0.1  # height of a landing that is seen, from either foot, from which on it is a stair
+    balance_cost: Length = 3.0  # cost of a landing away from the program's on seen ground, over its own in h²
+    choice: Share = 0.15  # share from which on a place on seen ground is chosen
+    again: Length = 0.03  # move of the program's landing from which on another place is chosen
+
+    def __post_init__(self) -> None:
+        """Refuse pairs that do not grow."""
+        _refuse_falling(urgent=self.urgent)
 
     @property
-    def quickest_swing(self) -> float:
+    def quickest(self) -> float:
         """Least time of a step, whose swing has two pieces up to the earliest share at which a foot touches down."""
         return 2.0 * self.piece / min(self.touch, self.late_touch, self.touch_of_plans)
 
-    def check(self) -> None:
-        """Refuse boxes of the centre of pressure, in parts of the sole, that are larger than the sole."""
-        for name in ("box", "standing_box"):
-            if not all(0.0 < size <= 1.0 for size in getattr(self, name)):
+
+@settings
+class StandConstants:
+    """Stand on both feet, and the shift of the weight before the first step."""
+
+    shift_time: Annotated[Positive, "1/ω"] = 2.83  # time of the shift
+    # The same before footsteps, which begin nearer to the foot that stands: ξ must not leave the soles on the way.
+    shift_to_plans: Annotated[Positive, "1/ω"] = 4.2
+    shift: NonNegative = 1.3  # place of ξ at its end, in b_y of a step in place: the first step begins late
+    shift_gains: Gains = (2.45, 3.2)  # stiffness and damping of the CoM's place in the shift and in steps
+    rest: Time = 0.6  # least time of a stand, and rest after the shift
+    stand_gain: NonNegative = 0.74  # feedback gain of ξ in a stand
+    stop_speed: Speed = 0.02  # greatest speed at which the robot stands again
+    stop_length: Length = 0.6  # greatest distance between the feet of a stand: wide ones hold no push aside
+    stop_box: NonNegative = 0.9  # box in which ξ must be where the robot stands again, over the standing box
+
+
+@settings
+class PathConstants:
+    """Steering: the way to a goal and along a path."""
+
+    near: Length = 0.8  # distance within which a goal is walked to without being faced: turns cost steps
+    astray: Angle = 0.8  # from the line to a far goal to the goal, from which on a new line is begun
+    goal_time: Annotated[Positive, "1/ω"] = 4.0  # time of the approach to a near goal: some two steps
+    arrived: Length = 0.15  # distance at which a goal is reached: what steps reach that serve the balance
+    arrived_turn: Angle = 0.15  # turn at which a goal is reached
+    slow_turn: Annotated[Positive, "ω"] = 0.05  # turn rate from which on steps become quick
+    path_lag: Time = 2.0  # low-pass of the path behind a robot that walks sideways or turns
+    speed_lag: Annotated[Positive, "1/ω"] = 8.0  # low-pass of the velocity by which the robot falls short
+    speed_bias: Speed = 0.08  # greatest such velocity, twice in a fast walk: carrying points are uncertain
+    drift_gain: Rate = 0.124  # gain of the way back to the path
+    drift_speed: Speed = 0.041  # greatest velocity of the way back to the path
+    pelvis_turn: Angle = 0.35  # greatest angle of the pelvis from the heading: a push may turn it
+
+
+@settings
+class SteppingConstants:
+    """Constants of the law by part, in units of the robot; docs/measured_walks.md has what parts of it are worth."""
+
+    time: TimeConstants = TimeConstants()
+    area: AreaConstants = AreaConstants()
+    touch: TouchConstants = TouchConstants()
+    swing: SwingConstants = SwingConstants()
+    stand: StandConstants = StandConstants()
+    path: PathConstants = PathConstants()
+
+    def __post_init__(self) -> None:
+        """Refuse boxes of the centre of pressure that are larger than the sole."""
+        for name, box in (("box", self.area.box), ("standing_box", self.area.standing_box)):
+            if not all(0.0 < size <= 1.0 for size in box):
                 raise InputError(
-                    f"{name} of SteppingConstants is a part of the sole in each direction, above 0 and at most 1, got "
-                    f"{getattr(self, name)}"
+                    f"{name} of SteppingConstants is in parts of the sole, above 0 and at most 1, got {box}"
                 )
+
+    def in_si(self, scale: RobotSize) -> ConstantsInSI:
+        """Return the constants for one robot in SI units."""
+        parts = {part.name: getattr(self, part.name) for part in dataclasses.fields(self)}
+        return ConstantsInSI(**{name: multiplied_out(part, scale) for name, part in parts.items()})
+
+
+class ConstantsInSI(SteppingConstants):
+    """Constants of the law for one robot, in SI units."""
+
+    def __post_init__(self) -> None:
+        """Take boxes in metres."""
+
+    def in_si(self, scale: RobotSize) -> NoReturn:
+        """Refuse to multiply the units out again."""
+        raise InputError(IN_SI)
 
 
 T = TypeVar("T")
@@ -336,15 +332,15 @@ class SteppingSettings:
     fastest_turn: Annotated[Positive, "ω"] = 0.25
     cruise: Annotated[Positive, "hω"] = 0.12
 
-    def in_si(self, scale: RobotSize) -> SteppingSettings:
+    def in_si(self, scale: RobotSize) -> SettingsInSI:
         """Return the settings for one robot in SI units; raise an `InputError` if such steps cannot be walked."""
-        si = in_si(self, scale)
+        si = multiplied_out(self, scale)
         inside = 2.0 * scale.sole[1] + si.gap  # distance of the feet whose soles are a gap apart
         si = dataclasses.replace(si, width=max(si.width, APART * inside), gap=inside)
-        self._check(si, scale)
-        return si
+        self._check(si)
+        return SettingsInSI(**vars(si))
 
-    def _check(self, si: SteppingSettings, scale: RobotSize) -> None:
+    def _check(self, si: SteppingSettings) -> None:
         """Refuse steps that cannot be walked, by the settings in SI units."""
         if not si.shortest <= si.step_time <= si.slow_time:
             raise InputError(
@@ -360,11 +356,19 @@ class SteppingSettings:
             )
 
 
+class SettingsInSI(SteppingSettings):
+    """Settings of free steps for one robot, in SI units."""
+
+    def in_si(self, scale: RobotSize) -> NoReturn:
+        """Refuse to multiply the units out again."""
+        raise InputError(IN_SI)
+
+
 class GaitValues(NamedTuple):
     """Values that all parts of one walk share, in SI units."""
 
-    settings: SteppingSettings
-    constants: SteppingConstants
+    settings: SettingsInSI
+    constants: ConstantsInSI
     scale: RobotSize
     dt: float  # control period, s
 
@@ -373,9 +377,8 @@ class GaitValues(NamedTuple):
         settings: SteppingSettings, constants: SteppingConstants, scale: RobotSize, dt: float
     ) -> GaitValues:
         """Return the values of settings and constants in units of a robot; an `InputError` for impossible steps."""
-        constants.check()
-        values = GaitValues(settings.in_si(scale), in_si(constants, scale), scale, dt)
-        least = max(2.0 * settings.swing_height, constants.quickest_swing)  # up and down at hω on average
+        values = GaitValues(settings.in_si(scale), constants.in_si(scale), scale, dt)
+        least = max(2.0 * settings.swing_height, constants.swing.quickest)  # up and down at hω on average
         if settings.shortest < least:
             raise InputError(
                 f"a step must last as long as a swing of its height, {least:.3g}/ω ({least / scale.omega:.3f} s) for "
@@ -385,7 +388,7 @@ class GaitValues(NamedTuple):
         return values
 
 
-def in_si(values: T, scale: RobotSize) -> T:
+def multiplied_out(values: T, scale: RobotSize) -> T:
     """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons."""
     h, omega, (half_length, half_width) = scale.height, scale.omega, scale.sole
     units: dict[str, float | tuple[float, ...]] = {
@@ -396,9 +399,9 @@ def in_si(values: T, scale: RobotSize) -> T:
     return in_units(values, units)
 
 
-def swing_shape(settings: SteppingSettings, constants: SteppingConstants) -> SwingShape:
-    """Return the shape of a swing on level ground, by settings and constants in SI units."""
-    c = constants
+def swing_shape(settings: SettingsInSI, constants: ConstantsInSI) -> SwingShape:
+    """Return the shape of a swing on level ground."""
+    c = constants.swing
     return SwingShape(
         settings.swing_height,
         apex=c.apex / c.touch,

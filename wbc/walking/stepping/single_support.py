@@ -89,12 +89,12 @@ class SingleSupport:
     def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Make all parts."""
         settings, constants, scale, dt = values
-        self._s, self._c, self._felt, self._ground = settings, constants, felt, ground
+        self._s, self._law, self._felt, self._ground = settings, constants, felt, ground
         self.course = FallCourse(scale, dt)
-        self._period = max(1, round(constants.period / dt))  # of decisions, ticks
+        self._period = max(1, round(constants.time.period / dt))  # of decisions, ticks
         self._time_gain, self._level_gain = (
-            lag_gain(dt, constants.time_lag),
-            lag_gain(dt, constants.level_lag),
+            lag_gain(dt, constants.time.time_lag),
+            lag_gain(dt, constants.swing.level_lag),
         )
         self._shape = swing_shape(settings, constants)
         self.decision = StepDecision(values, ground)
@@ -156,29 +156,29 @@ class SingleSupport:
         if self.met is None:
             return False
         # A foot on the ground may wait: a late one as long as others.
-        waits = self.met + (self._s.longest - self.asked.touch_share(self._c)) * self.asked.time
+        waits = self.met + (self._s.longest - self.asked.touch_share(self._law)) * self.asked.time
         late = self._felt.elapsed > max(self._longest, waits)
-        patience, fast_share = self.asked.patience(self._c), self.asked.fast_share
+        patience, fast_share = self.asked.patience(self._law), self.asked.fast_share
         return self.touch.is_to_carry(self._axes(), self._orbit(), patience, fast_share, late=late)
 
     def end(self) -> float:
         """End a step whose foot has landed; return the width that its sole has held: see `PathSteering.supported`."""
         assert self.swing is not None
-        c, felt, (left, right) = self._c, self._felt, self._felt.state.places
-        self._pace += c.pace_gain * (min(felt.elapsed, self._longest) - self._pace)
+        law, felt, (left, right) = self._law, self._felt, self._felt.state.places
+        self._pace += law.time.pace_gain * (min(felt.elapsed, self._longest) - self._pace)
         unexpected = (left, right)[felt.swing][2] - self.swing.landing.z
         # Stairs are rough ground only where they are not as expected.
         self._ground.land(unexpected, unexpected if self._one.climbs else left[2] - right[2])
         self.swing = self.met = None
-        return min(self.decision.area.width / c.slow_width, 1.0)
+        return min(self.decision.area.width / law.area.slow_width, 1.0)
 
     def references(self) -> PhaseReference:
         """Return the references of a tick."""
-        c, felt, state, touch = self._c, self._felt, self._felt.state, self.touch
+        law, felt, state, touch = self._law, self._felt, self._felt.state, self.touch
         self._feet_height += self._level_gain * (self._com_ground() - self._feet_height)
         most = touch.most_forces(met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
-        motion = self.course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
+        motion = self.course.fall(state, state.on_sole(felt.stance, law.area.carrying + ahead, aside))
         urgency = -1.0 if touch.pushed else self.decision.urgency
         return PhaseReference(motion, self._feet_height, most, cop=cop, urgency=urgency)
 
@@ -195,9 +195,9 @@ class SingleSupport:
         This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
         swing foot would end above the true one. A foot that bears nothing was kicked away, and flies over the ground.
         """
-        felt, c, moved = self._felt, self._c, self._stands - self._one.stood
-        bears = felt.state.wrenches[felt.stance][2] > c.held
-        if bears and abs(moved) > c.drifted and self._ground.sight is None:
+        felt, law, moved = self._felt, self._law, self._stands - self._one.stood
+        bears = felt.state.wrenches[felt.stance][2] > law.touch.held
+        if bears and abs(moved) > law.touch.drifted and self._ground.sight is None:
             self._ground.height += moved
             self._one.stood += moved
 
@@ -211,7 +211,7 @@ class SingleSupport:
         self._ground.height, self._one.tilt = landing.z, (landing.pitch, landing.roll)
         if not self.asked.footsteps:
             high = max(abs(landing.z - self._stands), abs(landing.z - lifted))
-            self._one.climbs = high > self._c.stair
+            self._one.climbs = high > self._law.swing.stair
         return landing
 
     # ---- time and place -----------------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ class SingleSupport:
             return
         felt, state, decision = self._felt, self._felt.state, self.decision
         swing, self._ticks = self.swing, self._ticks + 1
-        evenness = self._ground.level(*self._c.even)
+        evenness = self._ground.level(*self._law.area.even)
         decision.area.update(state.tilting(felt.stance), state.wrenches[felt.stance], evenness)
         decides = swing is None or self._ticks % self._period == 0
         if decides:
@@ -241,7 +241,7 @@ class SingleSupport:
         """Decide the step by what stands now."""
         state, asked = self.step_state(), self.asked
         self.course.restart()
-        wish = asked.wish(state, self._s, self._c.carrying, self._pace)
+        wish = asked.wish(state, self._s, self._law.area.carrying, self._pace)
         if asked.footsteps:
             self._one.orbit = orbit = Orbit.of_wish(wish.places, wish.offsets)
             state = state._replace(orbit=orbit)
@@ -254,7 +254,7 @@ class SingleSupport:
         shortest = min(s.shortest, decision.end) if decision.closes else s.shortest
         time = min(max(decision.end, shortest), longest)
         if self.swing is None:
-            time = nominal if self.first else min(time, self._c.later * nominal)
+            time = nominal if self.first else min(time, self._law.time.later * nominal)
         elif not decision.closes:
             time = self.duration + self._time_gain * (time - self.duration)
         return min(max(time, shortest), longest)
@@ -272,7 +272,8 @@ class SingleSupport:
         landing = self._on_seen_ground(self._landing(), float(start.translation[2]))
         self.swing = swing = SwingFoot(start, landing, touch, self._swing_shape(), ground.way(start, landing))
         if out is not None and out.walks:
-            swing.join(felt.elapsed, start, felt.state.speeds[felt.swing], ground.height, self._c.swing_push)
+            speed, most = felt.state.speeds[felt.swing], self._law.swing.swing_push
+            swing.join(felt.elapsed, start, speed, ground.height, most)
             swing.retarget(felt.elapsed, landing, touch)
 
     def _retarget(self, swing: SwingFoot, thrown: Vector | None) -> None:
@@ -284,15 +285,15 @@ class SingleSupport:
             landing = self._on_seen_ground(landing, swing.lifted)
             shape, over = self._swing_shape(), ground.way(here, landing)
         if thrown is not None:
-            swing.restart(felt.elapsed, here, thrown, self._c.swing_push)
+            swing.restart(felt.elapsed, here, thrown, self._law.swing.swing_push)
         if self.decision.closes:
-            shape = shape._replace(landing_speed=self._c.hardest)
+            shape = shape._replace(landing_speed=self._law.swing.hardest)
         swing.retarget(felt.elapsed, landing, touch, shape, over)
 
     def _swing_shape(self) -> SwingShape:
         """Return the shape of the swing: on level ground, on rough ground, or on stairs."""
-        c = self._c
-        speed = min(c.landing_speed + c.landing_gain * self._ground.uneven, c.hardest)
+        law = self._law.swing
+        speed = min(law.landing_speed + law.landing_gain * self._ground.uneven, law.hardest)
         return self._shape._replace(landing_speed=speed, **(STAIR if self._one.climbs else {}))
 
     def step_state(self) -> StepState:
@@ -300,7 +301,7 @@ class SingleSupport:
         felt, (u, v) = self._felt, self.decision.lagged
         return StepState(
             axes=self._axes(),
-            cop_command=felt.state.on_sole(felt.stance, self._c.carrying + u, v),
+            cop_command=felt.state.on_sole(felt.stance, self._law.area.carrying + u, v),
             contact=felt.contact,
             dcm=felt.dcm,
             orbit=self._orbit(),
@@ -334,11 +335,11 @@ class SingleSupport:
     def _time_down(self) -> float:
         """Return the time that the swing foot needs to come straight down, s."""
         height = max(self._felt.state.places[self._felt.swing][2] - self._ground.height, 0.0)
-        return self._c.piece + math.sqrt(RISE * height / self._c.lift)
+        return self._law.swing.piece + math.sqrt(RISE * height / self._law.swing.lift)
 
     def _touch_time(self) -> float:
         """Return the time of this step at which the foot meets the expected ground, s."""
-        return self.asked.touch_share(self._c) * self.duration
+        return self.asked.touch_share(self._law) * self.duration
 
     @property
     def _longest(self) -> float:

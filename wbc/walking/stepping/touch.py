@@ -23,8 +23,8 @@ class SwingTouch:
     def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Begin a step."""
         self._felt, self._ground = felt, ground
-        self._s, self._c, _, self._dt = values
-        self._gain = lag_gain(self._dt, self._c.cop_lag)
+        self._s, self._law, _, self._dt = values
+        self._gain = lag_gain(self._dt, self._law.area.cop_lag)
         self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
         self.begin()
 
@@ -41,7 +41,7 @@ class SwingTouch:
     @property
     def pushed(self) -> bool:
         """True for a swing foot that was pushed a moment ago: a force on it is that of the push, or of its inertia."""
-        return self._felt.elapsed - self._pushed_at < self._c.pushed_time
+        return self._felt.elapsed - self._pushed_at < self._law.touch.pushed_time
 
     def notice_push(self, urgency: float, paced: float, speed: float) -> None:
         """Find whether the swing foot is pushed.
@@ -59,7 +59,8 @@ class SwingTouch:
             return
         state = self._felt.state
         moved = state.speeds[self._felt.swing]
-        if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.pushed_speed + 2.0 * speed:
+        least = self._law.touch.pushed_speed + 2.0 * speed
+        if min(math.hypot(*moved), math.dist(moved, state.velocity)) > least:
             self.push()
 
     def thrown(self, swing: SwingFoot) -> Vector | None:
@@ -68,25 +69,25 @@ class SwingTouch:
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
         pay for it. The motion is that of the last tick.
         """
-        felt, (stiffness, damping) = self._felt, self._c.swing_gains
+        felt, (stiffness, damping) = self._felt, self._law.swing.swing_gains
         time = felt.elapsed - self._dt
         here, moved = felt.state.places[felt.swing], felt.state.speeds[felt.swing]
         asked = (
             stiffness * (q - p) + damping * (speed - now)
             for p, now, q, speed in zip(here, moved, *swing.motion(time), strict=True)
         )
-        return moved if math.hypot(*asked) > self._c.swing_push else None
+        return moved if math.hypot(*asked) > self._law.swing.swing_push else None
 
     def bears(self, duration: float) -> bool:
         """Return True if the swing foot bears the load of a contact in this tick, in a step of a time, s."""
-        c, felt = self._c, self._felt
-        may = felt.elapsed > c.early * duration and not self.pushed
-        return may and felt.state.wrenches[felt.swing][2] > c.met and self._is_low()
+        law, felt = self._law.touch, self._felt
+        may = felt.elapsed > law.early * duration and not self.pushed
+        return may and felt.state.wrenches[felt.swing][2] > law.met and self._is_low()
 
     def loses(self, since: float) -> bool:
         """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
-        c, felt, loads = self._c, self._felt, self._felt.state.wrenches
-        lost = loads[felt.swing][2] < c.lost and since > c.lost_time and loads[felt.stance][2] > c.held
+        law, felt, loads = self._law.touch, self._felt, self._felt.state.wrenches
+        lost = loads[felt.swing][2] < law.lost and since > law.lost_time and loads[felt.stance][2] > law.held
         return lost or self.pushed
 
     def rubs(self, axes: StanceAxes, orbit: Orbit, left: float, landing: Footstep) -> bool:
@@ -95,24 +96,24 @@ class SwingTouch:
         That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
         and not from here. The time that is `left` until then is in s.
         """
-        c, felt, dcm = self._c, self._felt, self._felt.dcm
+        law, felt, dcm = self._law, self._felt, self._felt.dcm
         (x, y, _), (p, q, _) = felt.carrying_point(felt.swing), felt.contact
         ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
         on, out = axes.outwards(dcm.x - p, dcm.y - q)
-        ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
+        ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * law.time.stretch
         if left <= 0.0 or not (ahead_of_orbit or out < 0.0):
             return False
         grown = math.exp(dcm.omega * left)
-        u, v, _ = moved((landing.x, landing.y, landing.yaw), c.carrying, 0.0, 0.0)
+        u, v, _ = moved((landing.x, landing.y, landing.yaw), law.area.carrying, 0.0, 0.0)
         there = axes.outwards(p + grown * (dcm.x - p) - u, q + grown * (dcm.y - q) - v)
-        now = viability(ahead, -beyond, orbit, c.stretch)
-        return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
+        now = viability(ahead, -beyond, orbit, law.time.stretch)
+        return law.touch.rubs * now < viability(there[0], -there[1], orbit, law.time.stretch)
 
     def _is_low(self) -> bool:
         """Return True if the swing foot is no higher than the way over the ground asks for."""
         felt, places = self._felt, self._felt.state.places
         ground = max(places[felt.stance][2], self._ground.height)
-        return places[felt.swing][2] < ground + self._c.low * self._s.swing_height
+        return places[felt.swing][2] < ground + self._law.touch.low * self._s.swing_height
 
     def track(self, *, met: bool, at_edge: bool) -> None:
         """Take in a tick: where the foot in contact carries, and for how long the other one has carried nothing.
@@ -120,7 +121,7 @@ class SwingTouch:
         A foot that has `met` the ground `at_edge` carries where its centre of pressure is, low-passed; else at its
         carrying point.
         """
-        felt, least = self._felt, self._c.held
+        felt, least = self._felt, self._law.touch.held
         if met:
             loads = felt.state.wrenches
             unloaded = loads[felt.stance][2] < least < loads[felt.swing][2]
@@ -137,25 +138,25 @@ class SwingTouch:
 
         The offset of ξ may be `patience` times that of the orbit. A step is `late` that has lasted its longest time.
         """
-        felt, c, dcm = self._felt, self._c, self._felt.dcm
+        felt, law, dcm = self._felt, self._law, self._felt.dcm
         # The other foot has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long.
-        if late or self._unloaded > fast_share * c.lost_time:
+        if late or self._unloaded > fast_share * law.touch.lost_time:
             return True
         (x, y, _), (p, q, _) = self._carrying, felt.contact
         ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
         there, here = (ahead, -beyond), axes.outwards(dcm.x - p, dcm.y - q)
-        return takes_over(there, here, orbit, c.stretch, c.wait, patience)
+        return takes_over(there, here, orbit, law.time.stretch, law.touch.wait, patience)
 
     def most_forces(self, *, met: bool, stepped: bool) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`.
 
         A robot that has `stepped` before has an old one.
         """
-        c, swing, elapsed = self._c, self._felt.swing, self._felt.elapsed
-        most = [c.most_force, c.most_force]
+        law, swing, elapsed = self._law.touch, self._felt.swing, self._felt.elapsed
+        most = [law.most_force, law.most_force]
         most[swing] = 0.0
         if met:
-            most[swing] = c.share
-        elif elapsed < c.unload and stepped and self._felt.state.wrenches[swing][2] > c.lost:
-            most[swing] = 2.0 * c.share * (1.0 - elapsed / c.unload)
+            most[swing] = law.share
+        elif elapsed < law.unload and stepped and self._felt.state.wrenches[swing][2] > law.lost:
+            most[swing] = 2.0 * law.share * (1.0 - elapsed / law.unload)
         return most[0], most[1]
