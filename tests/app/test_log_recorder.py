@@ -205,16 +205,19 @@ def record_standing(path: Path, ticks: int, *signals: Any, **options: Any) -> Lo
     return Log.open(path)
 
 
-def test_another_plant_or_robot_is_another_log(tmp_path: Path) -> None:
+def test_another_plant_or_robot_or_a_reset_is_another_log(tmp_path: Path) -> None:
     """The truth is copied from the plant of the first tick: without a refusal it would be told of the second one."""
     first, second = (wbc.Plant(wbc.load_robot("hrp4_class"), visuals=False) for _ in range(2))
     control = wbc.PositionControl(balance_controller(first.robot, first.control_period))
     with Recorder(tmp_path / "a.arrow") as record:
-        record(first, control, first.measure(), first.hold())
-        first.reset()
-        record(first, control, first.measure(), first.hold())
+        for _ in range(2):
+            first.step(first.hold())
+            record(first, control, first.measure(), first.hold())
         with pytest.raises(InputError, match="another Recorder"):
             record(second, control, second.measure(), second.hold())
+        first.reset()
+        with pytest.raises(InputError, match="another Recorder"):
+            record(first, control, first.measure(), first.hold())
     assert len(Log.open(record.path)) == 2
     g1 = wbc.Plant(wbc.load_robot("g1"), visuals=False)
     with Recorder(tmp_path / "b.arrow") as record:

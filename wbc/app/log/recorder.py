@@ -60,6 +60,7 @@ class Recorder(TrialHook):
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._first: Tick | None = None
+        self._time = 0.0  # of the simulation, in the last tick, s
         self._model: Robot | None = None  # of a controller of one's own
 
     def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
@@ -99,6 +100,12 @@ class Recorder(TrialHook):
                 "a control without drives, or a Controller alone, is recorded by write(…); the program of a Controller "
                 "by add(…, lambda: program.path)"
             )
+        if plant is not None:
+            if plant.time < self._time:  # its times would not increase, and nothing could be read of it
+                raise InputError(
+                    f"{self.path} is the log of one run, and the simulation was reset; make another Recorder"
+                )
+            self._time = plant.time
         loop = None if plant is None or isinstance(plant, Plant) else plant
         truth = None if loop is None else loop.truth()
         about = None if plant is None else plant.description
