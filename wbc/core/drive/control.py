@@ -12,7 +12,6 @@ the servos, `wbc.core.drive.torque` sends torques, alone or with references.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -28,33 +27,23 @@ from wbc.base.settings import Positive
 from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
+from wbc.core.drive.status import FEET_STAY, balance_lost, status_of
 from wbc.core.estimation.checks.consistency import ConsistencyMonitor
-from wbc.core.estimation.checks.refusal import few
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.solution import Solution
-from wbc.core.qp.solving.solver import Status
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
-
-FEET_STAY = 0.35
-"""Distance of the DCM from the nearest sole that nothing recovers whose feet stay, as a multiple of the CoM height."""
 
 ANOTHER = "make another control"
 """Advice on options that stay."""
 
 RESTART = "`reset` begins from another configuration"
 """Advice in place of an assignment to the references of a control."""
-
-UNUSUAL = {
-    Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
-    Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
-}
-"""Words of `status` for a tick that was solved in another way than it was asked for."""
 
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
@@ -171,13 +160,12 @@ class DriveControl(Control):
     """Base of all modes: one tick, from the estimate over the solution of the QP, or another law, to the gate.
 
     A mode has `reset`, and three methods that make a command: `_follow` a solution, `_hold` in a tick that has failed,
-    and `_damp` after a fall.
+    and `_damp` after a fall. Its properties say how a run goes; the parts are for who needs more of them.
 
     Attributes:
         controller: The controller.
         observer: Observer that estimates the state from measurements.
         sensing: Checks of measurements, observer, monitor, falls and clock.
-        record: Failed ticks, and the reaction to them.
         gate: Limits of commands.
     """
 
@@ -205,7 +193,7 @@ class DriveControl(Control):
         controller.run_by("position" if self._moves_references else "torque", observer.robot)
         robot, dt = controller.robot, controller.dt
         self.sensing = Sensing(robot, observer, dt, safety or SafetySettings())
-        self.record = FailureRecord(failure_policy or FailurePolicy(), robot.torque_limit, dt)
+        self._record = FailureRecord(failure_policy or FailurePolicy(), robot.torque_limit, dt)
         self.gate = CommandGate(robot, dt)
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(robot.na)  # of the last solution
@@ -226,12 +214,12 @@ class DriveControl(Control):
             raise InputError(
                 f"drives that share an estimate must have the same period, got {own:g} s and {period:g} s"
             )
-        self.sensing, self.record, self.gate = other.sensing, other.record, other.gate
+        self.sensing, self._record, self.gate = other.sensing, other._record, other.gate
 
     def _forget(self) -> None:
         """Forget the run so far: measurements, a fall, failures, and the last solution and command."""
         self.sensing.reset()
-        self.record.reset()
+        self._record.reset()
         self._begin()
 
     def _begin(self) -> None:
@@ -265,22 +253,22 @@ class DriveControl(Control):
     @property
     def failures(self) -> int:
         """Number of failed ticks so far."""
-        return self.record.count
+        return self._record.count
 
     @property
     def reason(self) -> str:
         """Reason of the last failure; of failures in successive ticks, that of the first."""
-        return self.record.reason
+        return self._record.reason
 
     @property
     def failing(self) -> bool:
         """True if the last tick has failed."""
-        return self.record.failing
+        return self._record.failing
 
     @property
     def stopped(self) -> bool:
         """True after failures have gone on for too long; `reset` starts again."""
-        return self.record.stopped
+        return self._record.stopped
 
     @property
     def solution(self) -> Solution | None:
@@ -295,29 +283,12 @@ class DriveControl(Control):
     @property
     def damped(self) -> bool:
         """True once a fall has ended in damping; `reset` starts again."""
-        return self.sensing.falls.reason is not None and self.sensing.on_fall == "damp"
+        return self.sensing.damped
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
-        parts, sensing = [], self.sensing
-        if sensing.falls.reason is not None:
-            parts.append(f"fallen: {sensing.falls.reason.value}{'; damped' if self.damped else ''}")
-        if self.failing:
-            parts.append(f"{'stopped' if self.stopped else 'failing'}: {self.reason}")
-        if self._balance_lost():
-            parts.append("balance lost: the DCM is out of reach")
-        if sensing.plausibility.faults:
-            parts.append(f"refused: {few(sensing.plausibility.faults)}")
-        if sensing.accelerometer.left_out:
-            parts.append("refused: accelerometer, which contradicts attitude and legs")
-        parts += [each for each in (sensing.plausibility.pull, sensing.plausibility.stamps.pace) if each]
-        if sensing.monitor is not None and sensing.monitor.doubts:
-            parts.append(f"doubtful: {', '.join(sensing.monitor.doubts)}")
-        if self.solution is not None and not self.failing:
-            parts += UNUSUAL.get(self.solution.status, ())
-        if self.gate.faults:
-            parts.append(f"command clipped: {', '.join(self.gate.faults)}")
-        return "; ".join(parts) or "ok"
+        lost = balance_lost(self.observer.robot, self._dcm_limit)
+        return status_of(self.sensing, self._record, self.gate, self.solution, lost=lost)
 
     def watch(self) -> ConsistencyMonitor:
         """Compare the sensors with each other from the next tick on, as under `wbc.run`; return the monitor.
@@ -338,14 +309,6 @@ class DriveControl(Control):
     @checked
     def dcm_limit(self, value: Annotated[Positive, ""]) -> None:
         self._dcm_limit = value
-
-    def _balance_lost(self) -> bool:
-        """Return True if the DCM is out of reach of feet and steps."""
-        robot = self.observer.robot
-        soles = [robot.placement(sole.frame).translation for sole in robot.soles]
-        height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
-        dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
-        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -383,9 +346,9 @@ class DriveControl(Control):
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""
         if isinstance(error, MeasurementError):
-            self.record.add(f"measurement refused: {error}")
+            self._record.add(f"measurement refused: {error}")
         else:
-            self.record.add(f"{type(error).__name__} in the tick: {error}", error)
+            self._record.add(f"{type(error).__name__} in the tick: {error}", error)
         return state._replace(ok=False)
 
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
@@ -430,11 +393,11 @@ class DriveControl(Control):
                 state = self.refuse(state, error)
             else:
                 self._held.keep(asked)
-                self.record.good()
+                self._record.good()
                 return self._finish(command)
         if self._held.empty:
             return self._finish(self._hold(state))
-        return self._finish(self._held.at_rest(self.gate, self.record.damping, self.joints(state)))
+        return self._finish(self._held.at_rest(self.gate, self._record.damping, self.joints(state)))
 
     def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.
@@ -517,9 +480,9 @@ class DriveControl(Control):
             self.refuse(state, error)
             return None
         if not solution.ok or self.stopped:
-            self.record.add("failed for too long" if solution.ok else solution.status.value)
+            self._record.add("failed for too long" if solution.ok else solution.status.value)
             return None
-        self.record.good()
+        self._record.good()
         return solution
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:

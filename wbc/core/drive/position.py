@@ -117,14 +117,14 @@ class PositionControl(DriveControl):
     def _hold(self, state: State) -> Command:
         """Let the motion decay; once stopped, freeze the references."""
         dt = self.controller.dt
-        return self._move(-self.v / (dt if self.stopped else max(self.record.policy.damping_time, dt)))
+        return self._move(-self.v / (dt if self.stopped else max(self._record.policy.damping_time, dt)))
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
         robot, (position, velocity) = self.controller.robot, self.joints(state)
         position = np.where(np.isnan(position), self.q[7:], position)
         position = np.clip(position, robot.position_lower, robot.position_upper)
-        none, damping = np.zeros(robot.na), self.record.damping
+        none, damping = np.zeros(robot.na), self._record.damping
         self.gate.move(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
 

@@ -83,6 +83,11 @@ class Sensing:
         return self.time
 
     @property
+    def damped(self) -> bool:
+        """True once a fall has ended in damping, until `reset`."""
+        return self.falls.reason is not None and self.on_fall == "damp"
+
+    @property
     def stale(self) -> bool:
         """True if nothing was measured, or the observer has gone on by the measurements of another control."""
         return self.measurement is None or self.measurement.time != self.observer.time

@@ -57,7 +57,7 @@ class TorqueControl(DriveControl):
         """
         if self.sensing.stale:
             self.sensing.reset()
-            self.record.reset()
+            self._record.reset()
         robot, estimate = self.controller.robot, self.observer.robot
         if robot is not estimate:
             robot.update(estimate.q, estimate.v)
@@ -74,7 +74,7 @@ class TorqueControl(DriveControl):
 
     def _damping(self, state: State) -> Array:
         """Return the torques that damp the joints, shape (na,), Nm."""
-        return -self.record.damping * np.nan_to_num(self.joints(state)[1], nan=0.0)
+        return -self._record.damping * np.nan_to_num(self.joints(state)[1], nan=0.0)
 
 
 class HybridControl(TorqueControl):
@@ -170,7 +170,7 @@ class HybridControl(TorqueControl):
     def _damp(self, state: State) -> Command:
         position, _ = self.joints(state)
         self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
-        return self._command(state, self._off, (self._off, np.maximum(self.kd, self.record.damping)))
+        return self._command(state, self._off, (self._off, np.maximum(self.kd, self._record.damping)))
 
     def _command(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
