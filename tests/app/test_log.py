@@ -160,6 +160,22 @@ def test_a_log_that_unpacks_to_more_than_memory_is_read_signal_by_signal(
     assert Log.open(log_file).broken and len(Log.open(log_file)) % ROWS == 0
 
 
+@pytest.mark.parametrize(
+    ("times", "kept"),
+    [([0.0, 1.0, 1.0, 2.0], 4), ([0.0, 1.0, 0.5, 2.0], 2), ([0.0, np.nan, 1.0], 1), ([np.inf, 1.0], 0)],
+)
+def test_a_log_whose_time_goes_back_is_read_up_to_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: list[float], kept: int
+) -> None:
+    """A loop that was reset, or a stamp of a machine that is none; of a large log, too, which stays in the file."""
+    columns = {"time": np.array(times), "v/x": np.arange(float(len(times))), "state": ["a"] * len(times)}
+    for memory in (reader.MEMORY, 1):
+        monkeypatch.setattr(reader, "MEMORY", memory)
+        log = made_log(tmp_path / "a.arrow", columns)
+        assert len(log) == len(log.time) == len(log["v/x"]) == len(log.texts("state")) == kept
+        assert log["v/x"].tolist() == list(range(kept)) and (log.broken is None) is (kept == len(times))
+
+
 def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
     log = Log.open(log_file)
     with pytest.raises(UnknownNameError, match="'com/estimated'"):

@@ -74,7 +74,7 @@ class Log:
     def open(path: str | Path) -> Log:
         """Read a log.
 
-        A log that is cut off is read up to that place, and `broken` has the reason.
+        A log that is cut off is read up to that place, as is one whose time goes back, and `broken` has the reason.
 
         Args:
             path: The file.
@@ -89,9 +89,13 @@ class Log:
                 what = f"no log: it begins with {start!r}" if start else "empty: nothing was recorded"
                 raise InputError(f"{place} is {what}")
             rows = _Rows(place)
-            log = Log(place, rows, decode(str(place), rows.schema.metadata))
-            if "time" in log and (not np.isfinite(log.time).all() or (np.diff(log.time) < 0.0).any()):
-                raise InputError(f"{place} is not a log: its times are not numbers that increase")
+            header = decode(str(place), rows.schema.metadata)
+            log = Log(place, rows, header)
+            if "time" in log:
+                good = np.isfinite(log.time) & (np.diff(log.time, prepend=-np.inf) >= 0.0)
+                if not good.all():
+                    rows.cut(int(np.argmin(good)), "the next time is no number that follows")
+                    return Log(place, rows, header)
             return log
 
     def __len__(self) -> int:
@@ -254,7 +258,11 @@ class _Rows:
         """Return a column."""
         index = self.schema.get_field_index(name)
         table = self._table if len(self._table.schema) == len(self.schema) else self._read(index)[0]
-        return table.column(name)
+        return table.column(name).slice(0, self.count)
+
+    def cut(self, count: int, why: str) -> None:
+        """Leave the rows from a number on out."""
+        self.count, self.broken = count, why
 
     def _stream(self) -> Any:
         """Return the stream of Arrow in the file; what its end says of places in the file is not believed."""
