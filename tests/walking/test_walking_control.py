@@ -352,3 +352,20 @@ def test_the_bias_of_a_robot_in_the_air_is_not_estimated() -> None:
         walking.balance.output = state
         found = walking.balance._estimate_bias(bias, walking.drives.observer.robot, walking.reference)
         np.testing.assert_array_equal(found, before)
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_walk_begins_where_its_references_are_and_free_steps_wherever_the_robot_stands(mode: Mode) -> None:
+    """References of feet elsewhere would throw the robot; free steps face where it faces."""
+    walking = WalkingControl(DESCRIPTION.robot(), None, DT, WalkingControlSettings(mode=mode))
+    near, far = (robot.q.copy() for robot in (turned(0.0), turned(1.5)))
+    near[0] += 0.05
+    for q in (near, far, near):
+        if mode == "position" and q is far:
+            with pytest.raises(InputError, match="must begin where the robot stands"):
+                walking.reset(q)
+            continue
+        walking.reset(q)
+        assert walking.controller.robot.q[:7] == pytest.approx(q[:7])
+        if mode == "torque":
+            assert walking.source.steering.heading == pytest.approx(1.5 if q is far else 0.0)  # type: ignore[union-attr]

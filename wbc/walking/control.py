@@ -24,6 +24,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
+import numpy as np
+
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.numbers import Array, finite_array
@@ -49,13 +51,17 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.footsteps import FootstepPlan, check_start
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity, VelocityLimits, checked_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
+
+START_ROOM = (0.1, 0.1, 0.4)
+"""Distance (m), height (m) and turn (rad) of the feet from their references up to which a walk begins: `g1` and
+`hrp4_class` in position control kept standing 0.1 m or 0.4 rad beside them, and fell 0.15 m beside them."""
 
 LONG_AGO = 9.0
 """Time since a landing that no step counts any more, s."""
@@ -221,11 +227,20 @@ class WalkingControl(SteeredControl):
     def reset(self, q: Array | None = None) -> None:
         """Begin from a configuration at rest, shape (nq,), before the first tick; half-sitting when None.
 
+        Free steps begin wherever the feet are then; other references stay where the robot stood when they were made.
+
         Raises:
-            InputError: The robot has stood or walked already.
+            InputError: The robot has stood or walked already, or its feet would stand beside their references.
         """
         if self.reference is not None:
             raise InputError("a walk cannot begin anew: make another control, with a robot that stands")
+        robot, made, source = self.controller.robot.clone(), self.controller.robot, self.source
+        q = robot.half_sitting if q is None else robot.check_configuration("configuration", q)
+        robot.update(q, np.zeros(robot.nv))
+        if isinstance(source, SteppingWalk):
+            source.steering.turn_to(heading(robot.placement(robot.base_frame).rotation))
+        else:
+            check_start(robot, FootstepPlan.standing(made), "the walk", START_ROOM)
         self.drives.reset(q)
 
     def _follow(self, state: State) -> None:

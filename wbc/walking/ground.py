@@ -42,7 +42,8 @@ class GroundEstimate:
     otherwise always land too early.
 
     Attributes:
-        height: Height of the ground over the plan, m; 0 once a plan from where the feet stand contains it.
+        height: Height of the ground over that at which landings are planned, m; 0 once a plan from where the feet stand
+            contains it. Free steps plan their landings at 0 in the world.
         rise: Growth of that height from step to step, m.
         uneven: Greatest height between the feet in the last steps, m.
         raised: Height by which `sight` put the last landing above where the landings so far would have it, m.

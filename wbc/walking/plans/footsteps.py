@@ -327,15 +327,23 @@ def _frame(place: Place, z: float) -> pin.SE3:
     return pin.SE3(yaw_rotation(yaw), np.array([x, y, z]))
 
 
-def check_start(robot: Robot, plan: FootstepPlan) -> None:
-    """Raise an `InputError` unless a plan begins where the robot stands, as closely as a first step can make good."""
+def check_start(
+    robot: Robot,
+    plan: FootstepPlan,
+    what: str = "the plan",
+    room: tuple[float, float, float] = (0.02, 0.05, 0.05),
+) -> None:
+    """Raise an `InputError` unless a plan begins where the robot stands, as closely as a first step can make good.
+
+    The feet may be beside the plan by a distance (m), a height (m) and a turn (rad).
+    """
     for foot, stands in zip((plan.left, plan.right), FootstepPlan.standing(robot).final, strict=True):
         forward, left, up, turn = stands.seen_from(foot)
-        if math.hypot(forward, left) > 0.02 or abs(up) > 0.05 or abs(turn) > 0.05:
+        if math.hypot(forward, left) > room[0] or abs(up) > room[1] or abs(turn) > room[2]:
             planned, real = (
                 f"({X.x:.3f}, {X.y:.3f}, {X.z:.3f}) m and {X.yaw:.3f} rad" for X in (foot, stands)
             )
             raise InputError(
-                f"the plan must begin where the robot stands, within 0.02 m (0.05 m in height) and 0.05 rad; its "
-                f"{foot.side} foot is at {planned}, that of the robot at {real}"
+                f"{what} must begin where the robot stands, within {room[0]:g} m ({room[1]:g} m in height) and "
+                f"{room[2]:g} rad; its {foot.side} foot is at {planned}, that of the robot at {real}"
             )
