@@ -111,6 +111,19 @@ def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall
     assert np.abs(stop[-1].joint_torque).max() < 0.1 * np.abs(stop[0].joint_torque).max()
 
 
+@pytest.mark.parametrize("until", [0.0, 0.1])
+def test_a_stop_while_stiffness_and_torques_rise_lets_them_rise_no_further(until: float) -> None:
+    machine = SimulatedMachine(SimulatedTime(), bent())
+    runner = make(machine)
+    sent = commands_by_phase(machine, runner)
+    report = runner.run(until)
+    assert report.reason == "stopped"
+    shares = np.array([command.kp[0] / machine.description.kp[0] for command in sent[Phase.STOP]])
+    risen = (until + PERIOD) / 0.2
+    assert shares[0] <= risen + 1e-9 and (np.diff(shares) <= 0.0).all()
+    assert all(np.abs(c.joint_torque).max() <= 100.0 * risen for c in sent[Phase.STOP])
+
+
 class Ideal(Driver):
     """A robot on the ground whose joints are at once where they are sent, and whose base leans by a pitch, rad."""
 

@@ -174,6 +174,18 @@ def test_a_driver_gets_the_newest_measurement_and_is_obeyed_after_it(wire: Wire)
     assert wire.robot.receive() == (True, None)
 
 
+def test_a_driver_that_was_not_read_for_long_begins_with_what_comes_then(wire: Wire) -> None:
+    """As a second run does: the system has kept the oldest packets, and lost the newest."""
+    driver = wire.owner()
+    for _ in range(600):
+        wire.robot.send(random_measurement(wire.rng))
+    driver._looked -= 1.0  # s
+    assert driver.read(0.0) is None
+    wire.robot.send(now := random_measurement(wire.rng))
+    seen = driver.read(1.0)
+    assert seen is not None and (seen.joint_position == now.joint_position).all()
+
+
 def test_a_command_that_damping_has_overtaken_is_dropped(wire: Wire) -> None:
     program = Program(wire)
     late = program.end.pack(COMMAND, program.robot, ZERO)

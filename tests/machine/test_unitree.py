@@ -244,6 +244,35 @@ def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
     assert (hold["kp"][roll] > 0.0) == np.isfinite(found)
 
 
+def test_a_second_run_of_a_driver_begins_as_a_first_one() -> None:
+    """The machine was switched off and on in between, in another mode, and its locked joints hang elsewhere."""
+    lock = {n: 0.0 for n in DESCRIPTION.joint_names if n.startswith("waist_")}
+    left, right = DESCRIPTION.soles
+    described = wbc.RobotDescription.from_urdf(
+        DESCRIPTION.urdf, left_sole=left, right_sole=right, lock=lock, name="locked"
+    )
+    zero = np.zeros((3, len(described.joint_names)))
+    states = []
+    for mode, on, at in ((5, 1, 0.3), (6, 0, -0.4), (6, 1, -0.4), (7, 1, -0.4)):
+        states.append(record := state())
+        record["mode_machine"], record["motor_state"]["mode"], record["motor_state"]["q"] = mode, on, at
+        sealed(record)
+    driver = machine(*states, description=described)
+    waist = [G1_MOTORS.index(name) for name in lock]
+    for at in (0.3, -0.4):
+        assert driver.read(0.0) is not None and driver.fault == ""
+        driver.write(Command(*zero))
+        np.testing.assert_allclose(driver._topics.sent[-1]["q"][waist], at, rtol=1e-6)  # type: ignore[union-attr, attr-defined]
+        for _ in range(3):
+            driver.damp()
+        damped = driver._topics.sent[-1]  # type: ignore[union-attr, attr-defined]
+        assert (damped["mode"] == ENABLED).all() and (damped["kd"] > 0.0).all() and not damped["kp"].any()
+    assert driver.read(0.0) is not None and driver.fault == ""
+    driver.write(Command(*zero))
+    driver.read(0.0)
+    assert "mode_machine changed from 6 to 7" in driver.fault
+
+
 @pytest.mark.parametrize("layout", [LOW_CMD, LOW_STATE])
 def test_structs_and_cdr_hold_the_same(layout: np.dtype) -> None:
     assert layout.itemsize == {LOW_CMD: 1004, LOW_STATE: 2092}[layout]

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import finite_array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.drive.control import Control
 from wbc.core.drive.gate import CommandGate
@@ -125,7 +125,7 @@ class Phases:
         self._begin = self._since = self._started = 0.0
         self.last: Command | None = None
         self._before: Command | None = None  # of the phase before, from which commands are mixed
-        self._held: Array = np.zeros(robot.na)  # by the stop
+        self._held, self._risen = np.zeros(robot.na), 1.0  # by the stop, and with this share of the gains
         # For a control of one's own, by the attitude that the loads follow; the library's have a test of theirs.
         self._fallen = driver.description.robot() if control.drives is None else None
         self._falls = None if self._fallen is None else FallDetector(self._fallen, period)
@@ -182,6 +182,7 @@ class Phases:
     def stop(self, measurement: Measurement, now: float) -> None:
         """Let the robot sink from where a measurement has it."""
         if self.phase is not Phase.STOP:
+            self._risen = self._start.part(now - self._started)
             self.enter(Phase.STOP, now)
             self._held = np.array(measurement.joint_position)
 
@@ -296,6 +297,7 @@ class Phases:
         left = 1.0 - (now - self._since) / time if time > 0.0 else 0.0
         if left <= 0.0:
             raise Over("stopped")
+        left *= self._risen
         kp, kd, zero = left * self._gains[0], self._gains[1], np.zeros_like(self._held)
         return Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd)
 

@@ -66,7 +66,7 @@ class SafeStart:
 
     def command(self, measurement: Measurement, elapsed: float) -> Command:
         """Return the command at a measurement, `elapsed` seconds after the start."""
-        part = min(1.0, elapsed / self._fade) if self._fade > 0.0 else 1.0
+        part = self.part(elapsed)
         torque = part * self.carry(measurement)
         if elapsed >= self.duration:
             return Command(torque, self._landing.reference(measurement), self._zero, kp=self._kp, kd=self._kd)
@@ -74,6 +74,10 @@ class SafeStart:
         (shape, slope), way = minimum_jerk(s), self._to - self._from
         rate = slope / self._way
         return Command(torque, self._from + shape * way, rate * way, kp=part * self._kp, kd=self._kd)
+
+    def part(self, elapsed: float) -> float:
+        """Return the share of stiffness and torques that has risen, `elapsed` seconds after the start."""
+        return min(1.0, elapsed / self._fade) if self._fade > 0.0 else 1.0
 
     def carry(self, measurement: Measurement) -> Array:
         """Return the torques that hold the limbs against gravity and the load of the soles, shape (na,), Nm."""

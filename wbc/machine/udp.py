@@ -77,7 +77,8 @@ SILENCE = 0.5
 """Silence of the owner after which the robot obeys another sender, s."""
 
 LATE = 0.2
-"""Time by which a command may be longer under way than the quickest packet of its sender, s."""
+"""Time by which a command may be longer under way than the quickest packet of its sender, and after which a driver puts
+aside what it has not read, s."""
 
 TOGETHER = 1_000_000
 """Time by which the clocks of two programs of one computer may differ, ns."""
@@ -287,7 +288,7 @@ class UdpDriver(Driver):
         self._end = End(description, host, secret)
         self._socket: socket.socket | None = None
         self._robot = 0  # key
-        self._greeted = False
+        self._greeted, self._looked = False, -np.inf  # time at which packets were taken last, s
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_socket": None, "description": None}  # the guard only damps
@@ -295,6 +296,9 @@ class UdpDriver(Driver):
     def read(self, timeout: float) -> Measurement | None:
         """See `Driver`; while the robot is silent, a greeting is sent every 0.1 s."""
         end = time.monotonic() + timeout
+        if time.monotonic() - self._looked > LATE:  # of packets that nobody takes the system keeps the oldest
+            while self._receive() is not None:
+                pass
         if not self._greeted:
             self._greeted = True
             self._send(HELLO, 0)
@@ -342,7 +346,7 @@ class UdpDriver(Driver):
                 return
 
     def _receive(self) -> Measurement | None:
-        newest = None
+        newest, self._looked = None, time.monotonic()
         for data, _ in _taken(self._open()):
             head = self._end.header(data)
             if (

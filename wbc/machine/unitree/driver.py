@@ -68,7 +68,8 @@ class UnitreeDriver(Driver):
     reports.
 
     The description may lack some motors, because it locks or omits their joints. These motors are held at their
-    positions in the first state, with the gains of the machine. They are damped together with the others.
+    positions in the first state, or in that after damping, with the gains of the machine. They are damped together with
+    the others.
 
     Attributes:
         description: The robot.
@@ -102,7 +103,7 @@ class UnitreeDriver(Driver):
         self.held = tuple(name for name in G1_MOTORS if name not in self._names)
         self._held_index = motor_index(self.held)
         self._held_gains = machine_gains(self.held)
-        self._held_at: Array | None = None  # where the first state has them, rad
+        self._held_at: Array | None = None  # where the first state, or that after damping, has them, rad
         self.gains: tuple[Array, Array] = machine_gains(self._names)
         self._gate = CommandGate(description.robot(), 0.002)
         self._topics: Topics | None = None
@@ -193,7 +194,7 @@ class UnitreeDriver(Driver):
     def _look(self, state: Any, motors: Any) -> None:
         """Name what is wrong with the machine."""
         machine, fault = int(state["mode_machine"]), ""
-        if self._machine is None:
+        if self._machine is None or self._held_at is None:
             self._machine = machine
         if machine != self._machine:
             fault = f"mode_machine changed from {self._machine} to {machine}"
@@ -245,7 +246,8 @@ class UnitreeDriver(Driver):
         )
 
     def damp(self) -> None:
-        """See `Driver`."""
+        """See `Driver`; whoever commands afterwards begins with the machine as it is then."""
+        self._held_at, self._begun, self._on = None, np.inf, np.zeros_like(self._on)
         position = np.nan_to_num(self._position, posinf=0.0, neginf=0.0)
         self._send(
             position, self._zero, self._zero, self._zero, np.full(len(self._names), DAMPING), stiff=False
@@ -263,11 +265,11 @@ class UnitreeDriver(Driver):
         motors["mode"][self._index] = ENABLED
         for name, value in zip(("q", "dq", "tau", "kp", "kd"), values, strict=True):
             motors[name][self._index] = value
-        if self.held and self._held_at is not None:
-            known = np.isfinite(self._held_at) & stiff
-            kp, kd = self._held_gains
+        if self.held:
+            at = np.full(len(self.held), np.nan) if self._held_at is None or not stiff else self._held_at
+            known, (kp, kd) = np.isfinite(at), self._held_gains
             motors["mode"][self._held_index] = ENABLED
-            motors["q"][self._held_index] = np.nan_to_num(self._held_at)
+            motors["q"][self._held_index] = np.nan_to_num(at)
             motors["kp"][self._held_index] = np.where(known, kp, 0.0)
             motors["kd"][self._held_index] = np.where(known, kd, DAMPING)
         self._open().write(sealed(message))
