@@ -19,9 +19,9 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.feet import StabilizedFeet
+from wbc.walking.stepping.course import RiseLimit
 from wbc.walking.stepping.feet import SteppingFeet, halves
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.stepping.settings import RobotSize
 from wbc.walking.tasks import TaskTable
 

@@ -24,8 +24,8 @@ from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference, WholeBody
+from wbc.walking.stepping.course import RiseLimit
 from wbc.walking.stepping.feet import PhaseGains, SteppingFeet
-from wbc.walking.stepping.rise import RiseLimit
 
 TURNED = 0.3
 """Greatest difference of heading of pelvis or torso that is turned back at once, rad."""

@@ -15,13 +15,13 @@ from properties import examples
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.stepping.asked import steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.decision import (
     STAIR_TIME,
     StepDecision,
     StepState,
 )
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
+from wbc.walking.stepping.path import steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.program import Bounds, Now, Step
 from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings
 

@@ -14,9 +14,9 @@ from properties import examples
 from task_factory import make_robot
 
 from wbc.core.robot import GRAVITY
+from wbc.walking.stepping.course import RiseLimit
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Orbit, Pace, takes_over, viability
-from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 from wbc.walking.table import free_table
 

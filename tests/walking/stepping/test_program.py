@@ -16,8 +16,8 @@ from properties import examples
 from wbc.base.settings import changed
 from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.decision import StepDecision, StepState
+from wbc.walking.stepping.felt import HeldArea
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.program import TIME as TIME_COST

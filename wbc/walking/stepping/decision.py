@@ -19,7 +19,7 @@ from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.swing import RISE
-from wbc.walking.stepping.area import HeldArea
+from wbc.walking.stepping.felt import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import GaitValues
@@ -159,7 +159,7 @@ class StepDecision:
         """
         now, down = self._pendulum(state), None
         bounds = self._bounds(state, now.run)
-        if now.run[1] < bounds.area[0][1] - self._law.time.outer_cop:  # no centre of pressure brings ξ back
+        if bounds.is_past_far_edge(now.run, self._law.time.outer_cop):
             down = self._put_down or self._puts_down(state, now.run)
             bounds = bounds.ending() if down is None else bounds.ending(down.end - state.elapsed, down.places)
         self._put_down = down
@@ -241,11 +241,11 @@ class StepDecision:
         # A step that would wait for ξ aside ends where ξ has run ahead.
         most = max(abs(state.orbit.forward) + law.time.stretch, LEAST_OFFSET) / max(abs(run[0]), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / state.dcm.omega
-        shortest, (behind, ahead), (right, left) = self._shortest(state), self.area.ahead, self.area.aside
-        inner, outer = (right, left) if state.axes.side > 0.0 else (-left, -right)
+        shortest, (behind, ahead) = self._shortest(state), self.area.ahead
+        far_edge, near_edge = self.area.across(state.axes.side)
         return Bounds(
             places=self._places,
-            area=((behind, inner), (ahead, outer)),
+            area=((behind, far_edge), (ahead, near_edge)),
             next_area=(law.area.next_area * half_length, law.area.next_area * half_width),
             times=(shortest, max(min(max(state.longest - state.elapsed, 0.0), stretched), shortest)),
         )

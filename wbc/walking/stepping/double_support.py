@@ -15,10 +15,10 @@ from collections.abc import Sequence
 
 from wbc.base.vectors import Point, Vector, along
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.stepping.asked import steps_of_plan
 from wbc.walking.stepping.course import PhaseReference, shifted
 from wbc.walking.stepping.felt import GaitState
 from wbc.walking.stepping.law import SIDE, StanceAxes
+from wbc.walking.stepping.path import steps_of_plan
 from wbc.walking.stepping.settings import GaitValues
 
 SHIFTED = 0.6

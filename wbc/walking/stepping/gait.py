@@ -7,7 +7,7 @@
 
     felt.take(state, frames)                state, contact point and DCM of the robot       `felt`
     stand.joined, pushed, shift             on both feet: does a step begin?                `double_support`
-    steering.update → Asked                 velocity or footsteps that are asked for        `path`, `asked`
+    steering.update → Asked                 velocity or footsteps that are asked for        `path`
     step.update(asked)                      on one foot: time, place, contact of the swing  `single_support`
         decision.decide(state, wish)        where and when the foot lands                   `decision`, `program`
         touch.bears, rubs, is_to_carry      whether it has landed, and is to carry          `touch`
@@ -45,11 +45,10 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.plans.swing import FootMotion
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import HeightCourse
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Frames, GaitState
-from wbc.walking.stepping.path import PathSteering, StepVelocity
+from wbc.walking.stepping.path import Asked, PathSteering, StepVelocity
 from wbc.walking.stepping.settings import GaitValues, RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.stepping.single_support import SetOff, SingleSupport
 

@@ -15,6 +15,11 @@ E = e^{ωT} the offset of ξ from the foot that lands is, at every landing,
 and each step ends at E times these offsets from the stance foot. `wbc.walking.stepping.program` weighs them against the
 steps that are asked for.
 
+An example: with h = 0.6 m, ω is 4.04/s. Steps of T = 0.408 s let an offset of ξ grow by E = 5.2. In a walk at 0.3 m/s
+with w = 0.22 m, ξ is b = (29, 35) mm ahead and inwards of the foot that lands. When the step on this foot ends, ξ is
+E b = (151, 185) mm from it, and the next foot lands at (151 − 29, 185 + 35) mm, which is (v T, w). A push that moves ξ
+outwards by 20 mm as a step begins moves its landing outwards by 20 E = 104 mm.
+
 Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the
 contact: Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames,
 IEEE T-RO 38(6), 2022.

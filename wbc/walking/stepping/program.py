@@ -15,7 +15,7 @@ their b0 and b1 on the right have the opposite sign, as outwards is the other si
 17 unknowns: three steps s from foot to foot, shifts d of the centre of pressure in this step and in the next, the time
 as τ/τ*, and the offsets b of ξ from the feet that land. s* are the steps that are asked for, b* and τ* those of their
 orbit. s, d and τ are bounded: by the reach of the legs, by the supported area of the sole
-(`wbc.walking.stepping.area`), and by the times that a swing needs.
+(`wbc.walking.stepping.felt`), and by the times that a swing needs.
 
 With d = 0 and free places steps alone balance, so that the offset of an orbit is left; with places held and d within a
 sole it is a walk along footsteps. Source of time and place in one program: Khadiv et al., IEEE T-RO 36(3), 2020.
@@ -35,6 +35,12 @@ from wbc.base.vectors import Point
 
 PLACES, SHIFT, NEXT_SHIFT, TIME, OFFSETS = slice(0, 6), slice(6, 8), slice(8, 10), 10, slice(11, 17)
 """The unknowns, ahead and outwards in turn."""
+
+COUNT, LAST_OFFSET = 17, slice(15, 17)
+"""Number of the unknowns; those of the last offset."""
+
+LANDING, NEXT, LAST = slice(0, 2), slice(2, 4), slice(4, 6)
+"""The three steps: their places among the unknowns, and their equations among the rows."""
 
 SOLVED = np.array((0, 1, 6, 7, 11, 12, TIME))
 """Those that decide this step: its landing, the shift of its centre of pressure, its offset and its time."""
@@ -108,6 +114,14 @@ class Bounds(NamedTuple):
     next_area: Point
     times: tuple[float, float]
 
+    def is_past_far_edge(self, run: Point, margin: float) -> bool:
+        """Return True if ξ runs away from the swing foot over the area's edge, past a margin, m: no pressure stops it.
+
+        Ahead and outwards, ξ is at `run` from the contact point, m.
+        """
+        (_, far_edge), _ = self.area
+        return run[1] < far_edge - margin
+
     def after(self, time: float) -> Bounds:
         """Return the same limits of a step for which a time, s, is left at least."""
         least, most = self.times
@@ -147,12 +161,14 @@ class StepProgram:
         """Write what does not change, for a height h of the CoM, m."""
         self._costs = COSTS.copy()
         self._costs[TIME] *= height**2
-        self._hessian, self._gradient, self.x = np.diag(self._costs), np.zeros(17), np.zeros(17)
-        self._rows = np.zeros((6, 17))
-        self._sense = np.repeat(np.array((0, 5), np.int32), (17, 6))  # 5: an equality
+        self._hessian, self._gradient, self.x = np.diag(self._costs), np.zeros(COUNT), np.zeros(COUNT)
+        self._asked = np.zeros(COUNT)  # unknowns that are asked for
+        self._asked[TIME] = 1.0
+        self._rows = np.zeros((6, COUNT))
+        self._sense = np.repeat(np.array((0, 5), np.int32), (COUNT, 6))  # 5: an equality
         self._rows[:, PLACES] = self._rows[:, OFFSETS] = np.eye(6)
-        self._lower, self._upper = np.full(23, -FREE), np.full(23, FREE)
-        self._lower[17:] = self._upper[17:] = 0.0
+        self._lower, self._upper = np.full(COUNT + 6, -FREE), np.full(COUNT + 6, FREE)
+        self._lower[COUNT:] = self._upper[COUNT:] = 0.0
 
     def solve(
         self, now: Now, wish: Wish, bounds: Bounds, landing: tuple[Point, Point] | None = None
@@ -167,21 +183,23 @@ class StepProgram:
         """
         rows, low, high, (dcm, z, omega, left, last, shift) = self._rows, self._lower, self._upper, now
         growth, tau, before = math.exp(omega * wish.time), math.exp(omega * left), math.exp(omega * last)
-        x = self.x
-        x[PLACES], x[SHIFT.start : TIME], x[TIME], x[OFFSETS] = wish.places, 0.0, 1.0, wish.offsets
-        np.multiply(self._costs, -x, out=self._gradient)
+        asked = self._asked
+        asked[PLACES], asked[OFFSETS] = wish.places, wish.offsets
+        np.multiply(self._costs, -asked, out=self._gradient)
         for i, mirror in enumerate((1.0, -1.0)):
-            rows[i, SHIFT.start + i], rows[i, TIME] = before - 1.0, -(dcm[i] - z[i] - shift[i]) * tau
-            rows[2 + i, NEXT_SHIFT.start + i] = growth - 1.0
-            rows[2 + i, OFFSETS.start + i] = rows[4 + i, OFFSETS.start + 2 + i] = -growth * mirror
-            low[17 + i] = high[17 + i] = z[i] + shift[i] * before
-        (low[0:2], high[0:2]), (low[SHIFT], high[SHIFT]) = bounds.places, bounds.area
-        low[2:4] = low[4:6] = low[0:2]
-        high[2:4] = high[4:6] = high[0:2]
+            first, second, third = LANDING.start + i, NEXT.start + i, LAST.start + i
+            rows[first, SHIFT.start + i] = before - 1.0
+            rows[first, TIME] = -(dcm[i] - z[i] - shift[i]) * tau
+            rows[second, NEXT_SHIFT.start + i] = growth - 1.0
+            rows[second, OFFSETS.start + first] = rows[third, OFFSETS.start + second] = -growth * mirror
+            low[COUNT + first] = high[COUNT + first] = z[i] + shift[i] * before
+        (low[LANDING], high[LANDING]), (low[SHIFT], high[SHIFT]) = bounds.places, bounds.area
+        low[NEXT] = low[LAST] = low[LANDING]
+        high[NEXT] = high[LAST] = high[LANDING]
         far = FREE
         if landing is not None:
-            (low[0:2], high[0:2]), far = landing, FAR
-        low[15:17], high[15:17] = -far, far
+            (low[LANDING], high[LANDING]), far = landing, FAR
+        low[LAST_OFFSET], high[LAST_OFFSET] = -far, far
         high[NEXT_SHIFT] = bounds.next_area
         np.negative(high[NEXT_SHIFT], out=low[NEXT_SHIFT])
         low[TIME], high[TIME] = (math.exp(omega * time) / tau for time in bounds.times)

@@ -21,11 +21,11 @@ from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
 from wbc.walking.plans.swing import RISE, SwingFoot
-from wbc.walking.stepping.asked import Asked
 from wbc.walking.stepping.course import FallCourse, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState
 from wbc.walking.stepping.felt import GaitState
 from wbc.walking.stepping.law import SIDE, Orbit, StanceAxes
+from wbc.walking.stepping.path import Asked
 from wbc.walking.stepping.settings import GaitValues, swing_shape
 from wbc.walking.stepping.touch import SwingTouch
 
