@@ -100,14 +100,14 @@ class Recorder(TrialHook):
                 "a control without drives, or a Controller alone, is recorded by write(…); the program of a Controller "
                 "by add(…, lambda: program.path)"
             )
-        if plant is not None:
-            if plant.time < self._time:  # its times would not increase, and nothing could be read of it
-                raise InputError(
-                    f"{self.path} is the log of one run, and the simulation was reset; make another Recorder"
-                )
-            self._time = plant.time
-        loop = None if plant is None or isinstance(plant, Plant) else plant
-        truth = None if loop is None else loop.truth()
+        time = getattr(plant, "time", self._time)  # a loop of one's own may have neither time nor truth
+        if time < self._time:  # its times would not increase, and what follows could not be read
+            raise InputError(
+                f"{self.path} is the log of one run, and the simulation was reset; make another Recorder"
+            )
+        self._time = time
+        told = None if isinstance(plant, Plant) else getattr(plant, "truth", None)
+        truth = None if told is None else told()
         about = None if plant is None else plant.description
         state = drives.observer.robot
         self._record(Tick(plant, control, measurement, command, about, drives.solution, truth, state))
