@@ -17,6 +17,7 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
+    AHEAD,
     AT_REST,
     DriveSettings,
     FootstepSource,
@@ -448,3 +449,11 @@ def test_a_program_without_a_solution_has_none() -> None:
     assert program.solve(Now((0.02, 0.05), (0.0, 0.0), 4.0, 0.4, 0.4), wish, bounds) is not None
     for ahead, outwards in ((1e4, 0.0), (0.0, -1e4)):
         assert program.solve(Now((ahead, outwards), (0.0, 0.0), 4.0, 0.4, 0.4), wish, bounds) is None
+
+
+def test_a_walk_plans_with_a_bounded_number_of_steps_whatever_a_planner_answers() -> None:
+    """What is checked and planned in a tick is bounded by it; what it leaves out is asked for again."""
+    plan = walk_distance(feet_at(0.0), 30.0)
+    now = Standing(feet_at(0.0), "left", 0, False, 0.0, REACH)
+    far = plan.with_step(AHEAD, replace(plan.steps[AHEAD], x=90.0), carry=False)
+    assert next_steps(Fixed(far, None), now).steps == plan.steps[:AHEAD]

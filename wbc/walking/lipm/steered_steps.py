@@ -43,15 +43,26 @@ SETTING_OFF = 0.5
 
 @dataclass(slots=True)
 class GoalWay:
-    """Way to one goal, None for a velocity: how near to their places its landings have come."""
+    """Way to one goal: how near to their places its landings have come.
+
+    The robot stops within `PLANNED_ARRIVED` of the goal. Where landings miss their places it may never come as near; it
+    is beside the goal once it is no further away than that and what they have missed, and stops there after `TRIES`.
+
+    Attributes:
+        goal: The goal; None for a velocity.
+        stops: True once the goal has been reached by feet that stride.
+        aim: Number and place of the step that was planned last.
+        missed: Side → distance of the foot from where it was to land, m.
+        beside: True while the robot is beside the goal.
+        tries: Number of landings beside the goal.
+    """
 
     goal: Place | None = None
-    stops: bool = False  # once the goal has been reached by feet that stride
-    aim: tuple[int, Footstep] | None = None  # number and place of the step that was planned last
-    # Side → distance of the foot from where it was to land, m.
+    stops: bool = False
+    aim: tuple[int, Footstep] | None = None
     missed: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SIDES, 0.0))
-    beside: bool = False  # no further from the goal than that
-    tries: int = 0  # number of landings there
+    beside: bool = False
+    tries: int = 0
 
     def land(self, now: Standing) -> None:
         """Take in a landing, if there has been one since the last plan."""

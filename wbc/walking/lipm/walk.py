@@ -35,7 +35,6 @@ from wbc.walking.plans.check import Extent, check_plan
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
-    AHEAD,
     AT_REST,
     REPLAN,
     DriveSettings,
@@ -57,7 +56,7 @@ DEBOUNCE = 0.01
 
 
 class Planning:
-    """Times at which the footsteps are planned anew; see above."""
+    """Times at which the footsteps are planned anew: those that the description of this file names."""
 
     def __init__(self) -> None:
         """Begin without a plan."""
@@ -236,11 +235,10 @@ class LipmWalk(ReferenceSource):
         start, begun = FootstepPlan(left, right, (), self._gait), self.steps_done + swings
         now = Standing(start, self.phases.next_side, begun, swings, self.time, self.reach)
         try:
-            answer = answer_of(planner, now, self.steering.extent, self.dt)
+            return answer_of(planner, now, self.steering.extent, self.dt)
         except PlannerError as error:
             self.reason = str(error)
             return None
-        return replace(answer, steps=answer.steps[:AHEAD])
 
     def _steer(self, plan: FootstepPlan) -> None:
         """Replace all steps that have not begun, by none for a stand; a robot that stands sets off."""

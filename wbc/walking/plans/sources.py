@@ -220,7 +220,7 @@ class PlanSource(FootstepSource):
 
 
 def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
-    """Return what a planner answers.
+    """Return what a planner answers, `AHEAD` steps at most.
 
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground,
     and for an order that is not hashable: it is compared in the ticks to come.
@@ -236,6 +236,8 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
         return plan
+    if len(plan) > AHEAD:
+        plan = replace(plan, steps=plan.steps[:AHEAD])
     if now.first is not None and plan.steps[0].side != now.first:
         raise InputError(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
