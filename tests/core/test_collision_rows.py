@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -138,7 +140,7 @@ def test_corners_follow_the_edge_of_a_floor_whose_origin_is_far_away() -> None:
 
 def check(outcomes: list[Outcome]) -> None:
     """In no period shapes come closer by more than 3/2 θ² ℓ, by less than 1 mm in all, and they come to rest."""
-    assert len(outcomes) > 20 and not any(outcome.unsolved for outcome in outcomes)
+    assert len(outcomes) > 10 and not any(outcome.unsolved for outcome in outcomes)
     assert max(outcome.steepest for outcome in outcomes) < 1.5
     worst = max(outcomes, key=lambda outcome: outcome.deepest)
     assert worst.deepest < 1e-3, worst
@@ -148,14 +150,14 @@ def check(outcomes: list[Outcome]) -> None:
 @pytest.mark.parametrize(
     ("control", "layouts"),
     [
-        ("kinematics", range(40)),
-        ("torque", range(30)),
-        pytest.param("kinematics", range(40, 320), marks=pytest.mark.slow),
-        pytest.param("torque", range(30, 230), marks=pytest.mark.slow),
+        ("kinematics", range(16)),
+        ("torque", range(16, 32)),
+        pytest.param("kinematics", range(16, 320), marks=pytest.mark.slow),
+        pytest.param("torque", (*range(16), *range(32, 230)), marks=pytest.mark.slow),
     ],
 )
 def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
-    control: str, layouts: range
+    control: str, layouts: Sequence[int]
 ) -> None:
     check([outcome for seed in layouts if (outcome := run(seed, control)) is not None])
 

@@ -19,6 +19,7 @@ from made_policies import (
     control,
     described,
     resting,
+    ticks,
     write_network,
     write_tracker,
 )
@@ -53,7 +54,7 @@ def test_the_network_sees_the_estimate_in_the_order_and_units_of_its_description
     plant, policy = control(network, description)
     policy.velocity = (0.3, -0.1, 0.2)
     robot, names = policy.drives.observer.robot, list(G1.joint_names)
-    for _ in range(25):
+    for _ in ticks(0.05):
         plant.step(policy.command(plant.measure()))
     columns = [names.index(joint) for joint in joints]
     network.seen.clear()
@@ -96,7 +97,7 @@ def test_targets_and_gains_are_those_of_the_policy_and_other_joints_are_held() -
 def test_torques_that_a_policy_asks_for_stay_within_the_limits() -> None:
     n = len(LEGS)
     plant, policy = control(Known(9 + 3 * n, n, 100.0), described(action_scale=10.0))
-    for _ in range(50):
+    for _ in ticks(0.1):
         m = plant.measure()
         command = policy.command(m)
         asked = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
@@ -127,7 +128,7 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     speeds = [0.1, 0.2, 0.3, 0.4]
     for speed in speeds:
         policy.velocity = (speed, 0.1, 0.0)
-        for _ in range(round(policy.description.period / DT)):
+        for _ in ticks(policy.description.period):
             plant.step(policy.command(plant.measure()))
     assert len(network.seen) == len(speeds)
     np.testing.assert_allclose(network.seen[0][:9], [0.1, 0.2, 0.0] * 3, atol=1e-6)  # filled with the first
@@ -223,7 +224,7 @@ def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_en
     plant, policy = control(network, described())
     last = policy.command(plant.measure())
     network.action[3] = math.nan
-    for _ in range(100):
+    for _ in ticks(0.2):
         command = policy.command(plant.measure())
         assert np.isfinite(command.joint_torque).all()
         plant.step(command)
@@ -252,7 +253,7 @@ def test_a_refused_encoder_brings_a_joint_no_more_torque_than_before(reading: fl
         command = policy.command(measurement)
         plant.step(command)
     most = made(command, measurement)
-    for _ in range(round(0.12 / DT)):
+    for _ in ticks(0.12):
         measurement = plant.measure()
         position = measurement.joint_position.copy()
         position[column] = reading

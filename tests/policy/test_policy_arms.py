@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import ARMS, DT, G1, REST, Known, bobbing, control, resting
+from made_policies import ARMS, DT, G1, REST, Known, bobbing, control, resting, ticks
 
 import wbc
 from wbc.base.errors import InputError, WbcError
@@ -52,7 +52,7 @@ def test_a_policy_sees_the_arms_of_the_qp_at_rest_or_as_they_are(sees: bool) -> 
     plant, policy = bobbing(arms=ARMS, sees_arms=sees)
     policy.posture.target = {"left_elbow_joint": REST["left_elbow_joint"] + 0.3}
     elbow = G1.joint_names.index("left_elbow_joint")
-    for _ in range(500):
+    for _ in ticks(1.0):
         plant.step(policy.command(plant.measure()))
     seen = policy.network.seen[-1][2 + elbow]
     assert policy.drives.observer.robot.q[7 + elbow] - REST["left_elbow_joint"] == pytest.approx(
@@ -70,7 +70,7 @@ def test_arms_without_a_solution_are_damped_and_the_policy_goes_on() -> None:
             )
         )
     knee, elbow = (G1.joint_names.index(f"left_{part}_joint") for part in ("knee", "elbow"))
-    for _ in range(200):
+    for _ in ticks(0.4):
         measurement = plant.measure()
         command = policy.command(measurement)
         assert command.kp[knee] > 0.0 and command.kp[elbow] == 0.0
@@ -83,7 +83,7 @@ def test_a_policy_that_is_too_slow_is_asked_for_more() -> None:
     """The velocity that is asked for as well is the integral of what lacks, at most 0.5 m/s."""
     plant, policy = bobbing(regain=0.5)
     policy.velocity = (0.2, 0.0, 0.0)
-    for _ in range(1000):
+    for _ in ticks(2.0):
         plant.step(policy.command(plant.measure()))
     assert policy.observed.command[0] == pytest.approx(
         0.2 + 2.0 * 0.5 * 0.2, abs=0.03
@@ -99,7 +99,7 @@ def test_arms_that_the_qp_cannot_have_are_refused(arms: tuple[str, ...]) -> None
 
 
 def filtered(
-    wish: dict[str, float], limits: Sequence[Any] = (), **options: Any
+    wish: dict[str, float], limits: Sequence[Any] = (), period: float = DT, **options: Any
 ) -> tuple[wbc.Plant, PolicyControl]:
     """Return a policy whose joints stay in half-sitting but for those of a wish, rad, with a filter of its arms."""
     n = len(G1.joint_names)
@@ -107,16 +107,16 @@ def filtered(
         observation=(Term("gravity"),),
     )
     action = [wish.get(name, REST[name]) - REST[name] for name in G1.joint_names]
-    return control(Known(3, n, action), description, filter=PolicyFilter(ARMS, limits, **options))
+    return control(Known(3, n, action), description, period, filter=PolicyFilter(ARMS, limits, **options))
 
 
 def test_a_filter_changes_nothing_that_no_limit_asks_for() -> None:
     plant, policy = filtered({"left_elbow_joint": REST["left_elbow_joint"] + 0.2})
     asked = []
-    for k in range(400):
+    for k in ticks(0.5):
         m = plant.measure()
         command = policy.command(m)
-        if k > 50:
+        if k > len(ticks(0.1)):
             asked.append(np.abs(policy.changed).max())
         made = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
         made += command.kd * (command.joint_velocity - m.joint_velocity)
@@ -183,7 +183,7 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
         return solve(measurement, wish, bounds)
 
     filters._solve = noted  # type: ignore[method-assign]
-    for _ in range(150):
+    for _ in ticks(0.3):
         measurement = plant.measure()
         command = policy.command(measurement)
         made = (policy.asked(measurement) + policy.changed)[15:]
@@ -201,7 +201,7 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
             assert beyond.max() < 0.02  # rad/s² and m/s²
             changed += costs[0] > 0.1
         plant.step(command)
-    assert changed > 30
+    assert changed > len(ticks(0.06))
 
 
 def test_stops_hold_in_a_filter_whatever_a_policy_asks_for() -> None:
@@ -225,7 +225,7 @@ def test_arms_that_a_policy_throws_push_the_base_no_more_than_it_bears() -> None
 
     def thrown(reaction: float) -> tuple[float, float]:
         """Greatest angular momentum of the arms about the base, Nms, and its greatest rate within 10 ms, Nm."""
-        plant, policy = filtered(wish, reaction=reaction)
+        plant, policy = filtered(wish, period=0.002, reaction=reaction)
         robot, momentum = G1.robot(), []
         while plant.time < 0.15:
             plant.step(policy.command(plant.measure()))
@@ -233,7 +233,7 @@ def test_arms_that_a_policy_throws_push_the_base_no_more_than_it_bears() -> None
             robot.update(np.array(truth.q), np.array(truth.v))
             momentum.append(robot.mass_matrix[3:6, 21:] @ robot.v[21:])
         known = np.array(momentum)
-        return float(np.abs(known).max()), float(np.abs(known[5:] - known[:-5]).max()) / (5 * DT)
+        return float(np.abs(known).max()), float(np.abs(known[5:] - known[:-5]).max()) / 0.01
 
     momentum, rate = thrown(1000.0)
     assert momentum > 2.0 and rate > 30.0
@@ -336,7 +336,7 @@ def test_arms_work_again_after_an_imu_that_was_lost(of_the_qp: bool, signal: str
             np.testing.assert_array_equal(carried.acceleration, before)
         assert np.isfinite(carried.acceleration).all() and np.isfinite(command.joint_torque).all()
         plant.step(command)
-    assert failed > 10 and policy.status() == "ok" and policy.fallen is None
+    assert failed > len(ticks(0.02)) and policy.status() == "ok" and policy.fallen is None
 
 
 def test_the_bound_of_the_reaction_is_that_of_the_momentum_after_lost_ticks() -> None:

@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import ARMS, DT, G1, LEGS, REST, Known, control, described, write_network, write_tracker
+from made_policies import (
+    ARMS,
+    DT,
+    G1,
+    LEGS,
+    REST,
+    Known,
+    control,
+    described,
+    ticks,
+    write_network,
+    write_tracker,
+)
 
 import wbc
 from wbc.base.errors import InputError
@@ -92,7 +104,7 @@ def test_the_clock_runs_while_any_velocity_is_asked_for(
 ) -> None:
     plant, policy = control(Known(9 + 3 * N, N), described(phase=0.8))
     policy.velocity = velocity
-    for _ in range(30):
+    for _ in ticks(0.06):
         plant.step(policy.command(plant.measure()))
     assert (np.abs(policy.observed.phase[0] - math.pi) > 0.1) == runs
 

@@ -17,6 +17,7 @@ from made_policies import (
     Known,
     described,
     standing_metadata,
+    ticks,
     write_network,
     write_standing,
 )
@@ -43,14 +44,18 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path: Path) -> None:
     """A spec with the policy is one walk: read again and repeated from its log it is the same, bit for bit."""
     spec = WalkSpec(
-        robot="g1", trained=str(standing), noise="none", plan=WalkPlan(drive=((0.5, 0.0, 0.0, 0.0),))
+        robot="g1",
+        trained=str(standing),
+        noise="none",
+        control_period=DT,
+        plan=WalkPlan(drive=((0.5, 0.0, 0.0, 0.0),)),
     )
     assert spec.chosen == "torque" and WalkSpec.from_json(spec.to_json()) == spec
     with Recorder(tmp_path / "log.arrow") as recorder:
-        result = WalkTrial(spec).run([recorder])
+        result = WalkTrial(spec, visuals=False).run([recorder])
     assert result.outcome == "completed" and result.failures == 0 and result.steps_done == 0
     assert 2.0 <= result.seconds < 2.6 and abs(result.distance) < 0.05 and result.peak_torque_ratio > 0.01
-    assert WalkTrial(WalkSpec.from_json(spec.to_json())).run().record() == result.record()
+    assert WalkTrial(WalkSpec.from_json(spec.to_json()), visuals=False).run().record() == result.record()
     log, knee = Log.open(tmp_path / "log.arrow"), "left_knee_joint"
     held = G1.robot().half_sitting[7 + G1.joint_names.index(knee)]
     np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
@@ -68,19 +73,20 @@ def test_a_guard_takes_over_in_trials_logs_and_pages(tmp_path: Path) -> None:
         trained=str(file),
         guarded=True,
         noise="none",
+        control_period=DT,
         plan=WalkPlan(drive=((0.3, 0.2, 0.0, 0.0), (1.0, 0.2, 0.0, 0.1), (3.0, 0.0, 0.0, 0.0))),
     )
     assert WalkSpec.from_json(spec.to_json()) == spec
     with Recorder(tmp_path / "log.arrow") as recorder:
-        result = WalkTrial(spec).run([recorder])
+        result = WalkTrial(spec, visuals=False).run([recorder])
     assert result.outcome == "completed" and result.steps_done >= 2 and result.distance > 0.2
     assert any("relieved" in note for note in result.notes)
     log = Log.open(tmp_path / "log.arrow")
     assert log.time[-1] == pytest.approx(result.seconds, abs=2 * DT)
-    assert WalkTrial(dataclasses.replace(spec, guarded=False)).run().outcome == "fell"
+    assert WalkTrial(dataclasses.replace(spec, guarded=False), visuals=False).run().outcome == "fell"
     with pytest.raises(InputError, match="trained"):
         WalkSpec(robot="g1", guarded=True)
-    plant = wbc.Plant(G1, control_period=DT)
+    plant = wbc.Plant(G1, control_period=DT, visuals=False)
     guard = PolicyGuard(PolicyControl(G1.robot(), file, DT))
     controls = LiveControls(plant, guard)
     controls.apply({"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.1})
@@ -90,7 +96,7 @@ def test_a_guard_takes_over_in_trials_logs_and_pages(tmp_path: Path) -> None:
 
 
 def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:
-    plant = wbc.Plant(G1, control_period=DT)
+    plant = wbc.Plant(G1, control_period=DT, visuals=False)
     policy = PolicyControl(G1.robot(), standing, DT)
     controls = LiveControls(plant, policy)
     assert {"drive", "stop", "push"} <= set(controls.offered)
@@ -124,8 +130,9 @@ def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(guarded: bool, 
     with pytest.raises(InputError, match="eyes"):
         WalkSpec(robot="g1", trained=str(file))
     plan = WalkPlan(drive=((0.1, 0.0, 0.0, 0.0),))
-    spec = WalkSpec(robot="g1", trained=str(file), guarded=guarded, eyes="depth", noise="none", plan=plan)
-    trial = WalkTrial(spec)
+    about: dict[str, Any] = {"eyes": "depth", "noise": "none", "control_period": DT, "plan": plan}
+    spec = WalkSpec(robot="g1", trained=str(file), guarded=guarded, **about)
+    trial = WalkTrial(spec, visuals=False)
     assert trial.run().outcome == "completed"
     policy = trial.control.policy if guarded else trial.control
     assert not guarded or trial.control.walking.ground is policy.ground
@@ -140,11 +147,11 @@ def test_steps_of_a_policy_are_counted_by_the_loads_of_its_feet() -> None:
     weight = G1.robot().mass * 9.81
     assert contacts.progress.phase is GaitPhase.STANDING
     for _ in range(3):  # left, right, left swing for 0.4 s each; the right one bounces in between
-        for loads, ticks in (((0.0, weight), 200), ((0.5 * weight, 0.5 * weight), 25)):
-            for _ in range(ticks):
+        for loads, seconds in (((0.0, weight), 0.4), ((0.5 * weight, 0.5 * weight), 0.05)):
+            for _ in ticks(seconds):
                 contacts.update(loads)
     assert contacts.steps_done == 3 and contacts.progress.phase is GaitPhase.DOUBLE
-    for _ in range(20):  # thrown off the ground for 0.04 s
+    for _ in ticks(0.04):  # thrown off the ground for 0.04 s
         contacts.update((weight, 0.0))
     assert contacts.progress.swing == 1 and contacts.air == pytest.approx([0.0, 0.04])
     contacts.update((0.5 * weight, 0.5 * weight))
@@ -194,9 +201,9 @@ def test_a_controller_of_lerobot_targets_motors_by_name_and_hides_the_arms(examp
     )
     controller = lerobot.PolicyController(network, control_dt=DT, description=description)
     machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
-    plant = wbc.Plant(G1, control_period=DT, noise="none", machine=machine)
+    plant = wbc.Plant(G1, control_period=DT, noise="none", machine=machine, visuals=False)
     assert controller.run_step({}, None) == {} and controller.control_dt == DT
-    for _ in range(20):
+    for _ in ticks(0.04):
         targets = controller.run_step({"remote.ly": 1.0, "remote.lx": 0.05}, lerobot.message(plant.measure()))
         plant.step(wbc.Command(np.zeros(n)))  # all joints move
     assert len(targets) == 15 and list(targets)[:2] == ["kLeftHipPitch.q", "kLeftHipRoll.q"]
@@ -214,7 +221,7 @@ def test_controls_for_the_simulator_of_unitree_run_without_force_sensors(
     simulator = example("unitree_simulator")
     control, period = simulator.control_of(what, str(standing)), 1.0 / simulator.RATE
     machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
-    plant = wbc.Plant(G1, control_period=period, machine=machine)
+    plant = wbc.Plant(G1, control_period=period, machine=machine, visuals=False)
     while plant.time < 0.4:
         plant.step(control.command(plant.measure()))
     assert control.fallen is None and plant.truth().com[2] > 0.6
@@ -229,10 +236,10 @@ def test_arms_of_a_study_get_other_targets_and_the_policy_sees_them_at_rest(
     assert spec is not None and spec.loader is not None
     studies = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(studies)
-    plant = wbc.Plant(G1, control_period=DT, noise="none")
+    plant = wbc.Plant(G1, control_period=DT, noise="none", visuals=False)
     policy, rest = studies.WildPolicy(G1.robot(), standing, DT), G1.robot().half_sitting[7:]
     policy.wild = rest + 0.1
-    for _ in range(50):
+    for _ in ticks(0.1):
         command = policy.command(plant.measure())
         plant.step(command)
     assert policy.network_error is None

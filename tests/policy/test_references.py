@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import DT, G1, LEGS, Known, control, described, write_tracker
+from made_policies import DT, G1, LEGS, Known, control, described, ticks, write_tracker
 
 import wbc
 from wbc.base.errors import InputError, WbcError
@@ -54,10 +54,10 @@ def test_a_policy_sees_its_clip_turned_to_where_it_stands() -> None:
     )
     robot = policy.drives.observer.robot
     begin, seen = None, 0
-    for tick in range(300):
+    for tick in ticks(0.6):
         command = policy.command(plant.measure())
         if policy.acted:
-            k = tick // 10
+            k = tick // len(ticks(0.02))
             here, there = robot.placement("torso_link").copy(), anchor_of(q[min(k, 50)])
             begin = begin or (here, there)
             # Both turned and shifted on the ground to where each of them began.
@@ -84,11 +84,11 @@ def test_a_motion_waits_and_begins_anew() -> None:
     network = Known(2 * N, N)
     plant, policy = control(network, described(observation=MOTION[:1]), clip=clip)
     policy.motion.playing = False
-    for _ in range(50):
+    for _ in ticks(0.1):
         plant.step(policy.command(plant.measure()))
     assert policy.motion.step == 0 and np.ptp(network.seen, axis=0).max() == 0.0
     policy.motion.playing = True
-    for _ in range(100):  # beyond the end, where the last frame stays
+    for _ in ticks(0.2):  # beyond the end, where the last frame stays
         plant.step(policy.command(plant.measure()))
     assert policy.motion.step == 10
     np.testing.assert_allclose(network.seen[-1][:N], clip.joints[-1][COLUMNS], atol=1e-6)
@@ -127,11 +127,11 @@ def test_a_network_holds_a_motion_as_one_body_or_as_several(several: bool, tmp_p
         "last_action",
     ]
     policy = PolicyControl(G1.robot(), file, DT)
-    plant = wbc.Plant(G1, control_period=DT, noise="none")
-    for tick in range(70):
+    plant = wbc.Plant(G1, control_period=DT, noise="none", visuals=False)
+    for tick in ticks(0.14):
         plant.step(policy.command(plant.measure()))
         if policy.acted:
-            k = min(tick // 10, 4)
+            k = min(tick // len(ticks(0.02)), 4)
             frame = policy.motion.frame
             np.testing.assert_allclose(frame.position, table["joint_pos"][k], atol=1e-6)
             np.testing.assert_allclose(frame.velocity, table["joint_vel"][k], atol=1e-6)
@@ -182,7 +182,7 @@ def test_a_policy_sees_the_heights_of_the_ground_about_it() -> None:
     network = Known(15, N)
     robot = G1.robot()
     ground = KnownGround(robot)
-    plant = wbc.Plant(G1, control_period=DT, noise="none")
+    plant = wbc.Plant(G1, control_period=DT, noise="none", visuals=False)
     policy = PolicyControl(
         robot, network, DT, description=described(observation=[Term("height_scan")], scan=scan), ground=ground
     )
@@ -192,7 +192,7 @@ def test_a_policy_sees_the_heights_of_the_ground_about_it() -> None:
     y = np.arange(-50, 51) * 0.02
     heights = np.tile(0.2 * y, (101, 1))
     policy.see(ElevationMap(heights, 0.02, (-1.01, -1.01, 0.0)))
-    for _ in range(10):
+    for _ in ticks(0.02):
         plant.step(policy.command(plant.measure()))
     _, aside, z = policy.drives.observer.robot.placement("pelvis").translation
     expected = z - 0.3 - 0.2 * (aside + np.array([-0.1, 0.0, 0.1]))

@@ -13,10 +13,15 @@ import pytest
 import wbc
 from wbc.policy import Network, PolicyControl, PolicyDescription, Term
 
-DT = 0.002
+DT = 0.004
 G1 = wbc.load_robot("g1")
 LEGS = tuple(name for name in G1.joint_names if any(part in name for part in ("hip", "knee", "ankle")))
 TERMS = ("angular_velocity", "gravity", "command", "joint_position", "joint_velocity", "last_action")
+
+
+def ticks(seconds: float) -> range:
+    """Return the numbers of the ticks of a time, s."""
+    return range(round(seconds / DT))
 
 
 class Known(Network):
@@ -44,9 +49,11 @@ def described(joints: Sequence[str] = LEGS, **values: Any) -> PolicyDescription:
     return PolicyDescription(joints=tuple(joints), **given | values)
 
 
-def control(network: Any, description: PolicyDescription, **options: Any) -> tuple[wbc.Plant, PolicyControl]:
-    plant = wbc.Plant(G1, control_period=DT, noise="none")
-    return plant, PolicyControl(G1.robot(), network, DT, description=description, **options)
+def control(
+    network: Any, description: PolicyDescription, period: float = DT, **options: Any
+) -> tuple[wbc.Plant, PolicyControl]:
+    plant = wbc.Plant(G1, control_period=period, noise="none", visuals=False)
+    return plant, PolicyControl(G1.robot(), network, period, description=description, **options)
 
 
 def write_network(
