@@ -267,7 +267,7 @@ class Reach(TrialHook):
 def test_a_hand_sent_two_metres_away_makes_no_walk_fall(
     robot: str, mode: str, target: tuple[float, float, float]
 ) -> None:
-    trial = WalkTrial(WalkSpec(robot=robot, mode=mode, plan=WalkPlan(distance=0.8)))  # type: ignore[arg-type]
+    trial = WalkTrial(WalkSpec(robot=robot, mode=mode, plan=WalkPlan(distance=0.8)), visuals=False)  # type: ignore[arg-type]
     hook = Reach(target, "pelvis" if target[2] == 2.0 else "world")
     result = trial.run([hook])
     assert result.outcome == "completed" and result.failures == 0
@@ -276,7 +276,7 @@ def test_a_hand_sent_two_metres_away_makes_no_walk_fall(
 
 def test_a_hand_goes_at_the_speed_that_it_is_given_and_says_when_it_is_there() -> None:
     description = load_robot("hrp4_class")
-    plant, robot = Plant(description), description.robot()
+    plant, robot = Plant(description, visuals=False), description.robot()
     walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
     hand = walking.arms["right_hand"]
     start = np.array(robot.placement(hand.frame).translation)

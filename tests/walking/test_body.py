@@ -30,7 +30,9 @@ DT, ROOT = 0.005, Path(__file__).resolve().parents[2]
 
 
 def standing(name: str = "hrp4_class", kind: str = "lipm") -> tuple[Plant, WalkingControl]:
-    plant = Plant(load_robot(name), noise="realistic", control_period=DT if kind == "lipm" else 0.002)
+    plant = Plant(
+        load_robot(name), noise="realistic", control_period=DT if kind == "lipm" else 0.002, visuals=False
+    )
     robot = plant.description.robot()
     if kind == "lipm":
         return plant, WalkingControl(robot, FootstepPlan.standing(robot), DT)
@@ -89,7 +91,7 @@ class WholeBodyStand(StandSource):
 
 
 def test_a_trunk_turns_and_leans_along_a_source_that_gives_all_joints_too() -> None:
-    plant = Plant(load_robot("hrp4_class"), control_period=DT)
+    plant = Plant(load_robot("hrp4_class"), control_period=DT, visuals=False)
     robot = plant.description.robot()
     walking = WalkingControl(robot, WholeBodyStand(robot), DT)
     walking.body.turn, walking.body.lean = 0.2, (0.0, 0.1)
@@ -137,7 +139,7 @@ def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
 def test_a_trunk_that_turns_on_its_hips_does_not_bend_the_way() -> None:
     """The pelvis may face aside by what it is to be turned: the heading of the walk is no other than without."""
     description = RobotDescription.from_mjcf(ROOT / "examples" / "biped.xml")
-    plant = Plant(description, control_period=0.004)
+    plant = Plant(description, control_period=0.004, visuals=False)
     robot = description.robot()
     walking = WalkingControl(robot, None, 0.004, WalkingControlSettings(mode="torque"))
     walking.body.turn, walking.velocity = 0.3, (0.2, 0.0, 0.0)

@@ -163,7 +163,10 @@ def test_the_size_of_a_step_is_checked_in_its_time(
     ],
 )
 def test_plans_near_the_limits_are_walked(name: str, time: float, share: float, height: float) -> None:
-    plan, plant = quick(name, time, share, height), Plant(load(name), noise="realistic", seed=5)
+    plan, plant = (
+        quick(name, time, share, height),
+        Plant(load(name), noise="realistic", seed=5, visuals=False),
+    )
     walking = WalkingControl(plant.description.robot(), plan, plant.control_period)
     while not walking.done and plant.time < 15.0:
         plant.step(walking.command(plant.measure()))

@@ -74,7 +74,9 @@ def test_the_offset_does_not_depend_on_where_the_world_begins() -> None:
 def pressing(noise: str | SensorNoise = "none") -> tuple[Trial, Hands]:
     """Return a robot whose hands press 25 N each on a table."""
     walking, hands = standing(reach_time=0.6, ramp=0.4)
-    trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", **TABLE), noise=noise), walking)
+    trial = Trial(
+        Plant(load("hrp4_class"), scene=make_scene("table", **TABLE), noise=noise, visuals=False), walking
+    )
     trial.advance(0.1)
     for side, y in (("left", 0.2), ("right", -0.2)):
         hands.press(f"{side}_hand", 25.0, DOWN, at=(0.24, y, TABLE["height"]), firm=True)
@@ -158,7 +160,7 @@ def test_stretched_arms_that_grip_nothing_make_no_robot_fall_in_torque_control()
     """Their tasks move the arms alone, and the task of the centre of mass counts that motion."""
     stand = WalkPlan(drive=((0.0, 0.0, 0.0, 0.0), (10.0, 0.0, 0.0, 0.0)))
     spec = WalkSpec(machine=Machine(hand_sensors=True), robot="hrp4_class", mode="torque", plan=stand)
-    trial = WalkTrial(spec)
+    trial = WalkTrial(spec, visuals=False)
     trial.scenario.append(Grip())
     result = trial.run()
     assert result.outcome == "completed" and result.failures == 0 and result.steps_done >= 3
@@ -270,7 +272,7 @@ def test_the_reference_waits_for_a_hand_that_cannot_follow_on_its_way() -> None:
 
 def test_a_hand_that_finds_no_surface_stops() -> None:
     walking, hands = standing(approach=0.2)
-    trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0)), walking)
+    trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0), visuals=False), walking)
     hands.press("left_hand", 10.0, DOWN, firm=True)
     site = trial.plant.data.site("left_hand site")
     start = site.xpos.copy()
@@ -283,7 +285,7 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
 
 def test_a_robot_in_torque_control_without_sensors_at_its_wrists_refuses_to_press() -> None:
     walking = WalkingControl(load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque"))
-    Trial(Plant(load("g1")), walking).advance(0.1)
+    Trial(Plant(load("g1"), visuals=False), walking).advance(0.1)
     with pytest.raises(InputError, match="must have a force sensor.* no hand_wrenches; .* none"):
         walking.hands.press("left_hand", 5.0, DOWN)
 

@@ -25,7 +25,7 @@ def handed_over(share: float, noise: str) -> tuple[Trial, float]:
     posture = robot.configuration(
         {f"{s}_{joint}": to for s in ("left", "right") for joint, to in forward.items()}
     )
-    plant = Plant(DESCRIPTION, noise=noise, initial_configuration=posture)
+    plant = Plant(DESCRIPTION, noise=noise, initial_configuration=posture, visuals=False)
     robot.update(posture, np.zeros(robot.nv))
     settings = WalkingControlSettings(load=LoadSettings())
     trial = Trial(plant, WalkingControl(robot, FootstepPlan.standing(robot), DT, settings))
@@ -93,7 +93,7 @@ def test_a_load_that_is_dropped_leaves_the_models() -> None:
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.1)])
 def test_the_plant_bears_a_load_at_its_place(point: tuple[float, float, float]) -> None:
     """Total mass, CoM and force under the feet; a reset takes it off."""
-    plant = Plant(DESCRIPTION)
+    plant = Plant(DESCRIPTION, visuals=False)
     mass, com = plant.robot.mass, plant.truth().com
     place = plant.robot.placement("left_hand").act(np.array(point))
     place += plant.data.qpos[:3] - plant.robot.q[:3]
@@ -110,7 +110,7 @@ def test_the_plant_bears_a_load_at_its_place(point: tuple[float, float, float]) 
 
 
 def test_a_plant_that_has_carried_starts_again_bit_for_bit() -> None:
-    plant, ends = Plant(DESCRIPTION, foot="soft"), []
+    plant, ends = Plant(DESCRIPTION, foot="soft", visuals=False), []
     for _ in range(2):
         plant.reset()
         for _ in range(20):

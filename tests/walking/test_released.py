@@ -69,7 +69,7 @@ def test_hands_that_keep_a_joint_may_go_on() -> None:
 
 @pytest.mark.parametrize("mode", ["torque", "hybrid", "position"])
 def test_nothing_of_released_joints_is_commanded_and_they_come_back(mode: str) -> None:
-    plant = wbc.Plant(G1, control_period=DT)
+    plant = wbc.Plant(G1, control_period=DT, visuals=False)
     robot = G1.robot()
     walk = WalkingControl(
         robot,
@@ -107,7 +107,7 @@ def test_it_is_all_one_where_joints_are_released_and_taken_back(
     door: str, kind: type[wbc.TorqueControl | wbc.HybridControl | wbc.PositionControl]
 ) -> None:
     """Somebody else turns them beyond their ranges, which is no failure; taken back, it is one."""
-    plant = wbc.Plant(G1, control_period=DT)
+    plant = wbc.Plant(G1, control_period=DT, visuals=False)
     controller = wbc.balance_controller(G1.robot(), DT)
     released = controller.release(ARM) if "before" in door else None
     control = kind(controller)
@@ -162,7 +162,7 @@ def test_measured_accelerations_are_low_passed_differences() -> None:
 
 
 def test_measured_accelerations_are_over_the_time_that_has_passed_where_measurements_are_lost() -> None:
-    measured = wbc.Plant(G1, control_period=DT).measure()
+    measured = wbc.Plant(G1, control_period=DT, visuals=False).measure()
     control = wbc.TorqueControl(wbc.balance_controller(G1.robot(), DT))
     released = control.release(ARM)
     assert released is not None
@@ -201,7 +201,7 @@ def test_an_arm_that_is_hit_is_known_by_its_torques_and_not_by_its_reaction() ->
 
 
 def test_an_encoder_of_theirs_beyond_its_range_is_named_and_stops_nothing() -> None:
-    plant, robot = wbc.Plant(G1, control_period=DT), G1.robot()
+    plant, robot = wbc.Plant(G1, control_period=DT, visuals=False), G1.robot()
     walk = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"))
     released = walk.release(ARM)
     assert released is not None
@@ -231,7 +231,7 @@ def test_the_centre_of_mass_stays_though_an_arm_swings(told: bool) -> None:
     """An arm that somebody else swings at 1.5 Hz by ± 0.6 rad moves the CoM less than one that the QP does not know."""
     moved = {}
     for known in (True, False):
-        plant, robot = wbc.Plant(G1, control_period=DT), G1.robot()
+        plant, robot = wbc.Plant(G1, control_period=DT, visuals=False), G1.robot()
         walk = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"))
         released = walk.release(ARM) if known else None
         index = np.array([robot.joint_index(name) for name in ARM])

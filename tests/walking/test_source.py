@@ -45,7 +45,7 @@ class Fails(StandSource):
 
 
 def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> None:
-    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    plant, robot = wbc.Plant(DESCRIPTION, visuals=False), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
     assert walking.progress == Progress()
     stage, sides, error = SimulatedStage(plant, walking), [], 0.0
@@ -78,7 +78,7 @@ def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int
             whole = WholeBody(np.zeros(3), trunk, robot.half_sitting[7:], still, still)
             return super().update(state)._replace(body=whole)
 
-    plant = wbc.Plant(DESCRIPTION)
+    plant = wbc.Plant(DESCRIPTION, visuals=False)
     walking = WalkingControl(robot, Bows(robot), plant.control_period)
     while plant.time < 1.0:
         plant.step(walking.command(plant.measure()))
@@ -88,7 +88,7 @@ def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int
 
 
 def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> None:
-    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    plant, robot = wbc.Plant(DESCRIPTION, visuals=False), DESCRIPTION.robot()
     walking = WalkingControl(robot, Fails(robot), plant.control_period)
     for _ in range(40):
         command = walking.command(plant.measure())
@@ -98,7 +98,7 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
 
 
 def test_a_stop_is_no_error_with_a_source_that_cannot_be_steered() -> None:
-    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    plant, robot = wbc.Plant(DESCRIPTION, visuals=False), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
     walking.stop()
     assert walking.stopped
@@ -119,7 +119,7 @@ def test_free_steps_of_ones_own_walk_by_their_constants() -> None:
     settings = WalkingControlSettings(mode="torque")
 
     def lifted(constants: SteppingConstants | None) -> float:
-        plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+        plant, robot = wbc.Plant(DESCRIPTION, visuals=False), DESCRIPTION.robot()
         dt = plant.control_period
         gait = None if constants is None else SteppingWalk.of(robot, dt, constants=constants)
         walking = WalkingControl(robot, gait, dt, settings)

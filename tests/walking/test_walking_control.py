@@ -255,7 +255,7 @@ def test_a_hand_that_would_go_into_a_thigh_stays_beside_it_with_a_limit_on_colli
     least = {}
     for kept in (False, True):
         limit = wbc.CollisionLimit([pair], shapes=shapes, margin=0.02)
-        robot, plant = description.robot(), Plant(description, control_period=0.005)
+        robot, plant = description.robot(), Plant(description, control_period=0.005, visuals=False)
         settings = WalkingControlSettings(mode=mode)
         walking = WalkingControl(robot, None, 0.005, settings, limits=[limit] if kept else ())
         if not kept:
@@ -287,7 +287,7 @@ def test_knees_that_would_touch_on_narrow_steps_keep_their_distance_with_a_limit
     shapes, least = description.collision_shapes(), {}
     for kept in (False, True):
         limit = wbc.CollisionLimit(pairs, shapes=shapes)
-        robot, plant = description.robot(), Plant(description, control_period=0.005)
+        robot, plant = description.robot(), Plant(description, control_period=0.005, visuals=False)
         steps = tuple(
             Footstep("right" if i % 2 else "left", 0.1 * (i + 1), -0.045 if i % 2 else 0.045)
             for i in range(6)

@@ -17,7 +17,7 @@ PERIOD = 0.002
 
 def standing(mode: Mode = "torque", seed: int = 3, robot: str = "g1") -> tuple[wbc.Plant, WalkingControl]:
     description = wbc.load_robot(robot)
-    plant = wbc.Plant(description, noise="realistic", seed=seed, control_period=PERIOD)
+    plant = wbc.Plant(description, noise="realistic", seed=seed, control_period=PERIOD, visuals=False)
     settings = WalkingControlSettings(mode=mode)
     return plant, WalkingControl(description.robot(), None, PERIOD, settings)
 
