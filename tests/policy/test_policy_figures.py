@@ -145,8 +145,8 @@ def test_a_policy_that_is_reset_is_as_a_fresh_one(options: dict[str, Any]) -> No
     ]
 
     def run(*velocity: float) -> np.ndarray:
-        plant, torques = wbc.Plant(G1, control_period=DT, noise="none"), []
-        for _ in range(150):
+        plant, torques = wbc.Plant(G1, control_period=DT, noise="none", visuals=False), []
+        for _ in ticks(0.3):
             policy.velocity = velocity
             plant.step(command := policy.command(plant.measure()))
             torques.append(np.concatenate((command.joint_torque, command.joint_position)))

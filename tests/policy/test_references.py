@@ -165,7 +165,7 @@ def test_a_network_of_ones_own_holds_a_motion_and_is_doubted() -> None:
     network = Held(2 * N + 9, N)
     plant, policy = control(network, described(observation=MOTION, anchor="torso_link"))
     assert any("50.0 ms" in doubt for doubt in policy.doubts())
-    for _ in range(45):
+    for _ in ticks(0.09):
         plant.step(policy.command(plant.measure()))
     np.testing.assert_allclose(np.array(network.seen)[:, 0], 0.01 * np.arange(5))
     np.testing.assert_allclose(policy.observed.action, 0.04)
