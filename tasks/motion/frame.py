@@ -164,7 +164,7 @@ class OrientationTask(FrameTask):
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[3:]
-        error[:] = self._turn(np.dot(self._target, self._rotation.T))
+        error[:] = self._turn(self._target.dot(self._rotation.T))
 
 
 class PoseTask(FrameTask):
@@ -185,7 +185,7 @@ class PoseTask(FrameTask):
         target = self._target
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
-        error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
+        error[3:] = self._turn(target.rotation.dot(self._rotation.T))
 
 
 class RelativeFrameTask(FrameTask):

@@ -471,7 +471,8 @@ class DriveControl(Control):
         """Solve, and take over the torques; None if there is no solution, and `reason` says why not."""
         try:
             solution = self.controller.solve(state.measurement)
-            if solution.ok and not self.stopped:
+            good = solution.ok and not self.stopped
+            if good:
                 self._torques = self._torques_of(solution, wrenches)
                 if (released := self.released) is not None:
                     self._torques = self._torques.copy()
@@ -479,7 +480,7 @@ class DriveControl(Control):
         except Exception as error:  # of tasks of the user
             self.refuse(state, error)
             return None
-        if not solution.ok or self.stopped:
+        if not good:
             self._record.add("failed for too long" if solution.ok else solution.status.value)
             return None
         self._record.good()

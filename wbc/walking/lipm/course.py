@@ -58,10 +58,11 @@ class PlannedCourse:
         if abs(off.value) + abs(off.velocity) / self.preview.omega < ROUNDING:
             return pendulum
         com, velocity, acceleration, zmp, zmp_velocity, omega = pendulum
-        way, speed, push = (
-            np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)
-        )
-        return Pendulum(com + way, velocity + speed, acceleration + push, zmp, zmp_velocity, omega)
+        way, speed, push = off.value, off.velocity, off.acceleration
+        # One array and its parts: making an array costs more than a slice.
+        added = np.array((way.real, way.imag, 0.0, speed.real, speed.imag, 0.0, push.real, push.imag, 0.0))
+        moved = com + added[:3], velocity + added[3:6], acceleration + added[6:]
+        return Pendulum(*moved, zmp, zmp_velocity, omega)
 
 
 def _plane(vector: Array) -> complex:

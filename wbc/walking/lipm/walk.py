@@ -302,8 +302,9 @@ class LipmWalk(ReferenceSource):
     def update(self, state: State) -> Reference:
         """Plan the footsteps anew if it is time to, and return the references of the walk."""
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        places = state.robot.data.oMf
-        measured = [places[frame] for frame in self._frames]
+        places, measured = state.robot.data.oMf, None
+        if self.phases.swing is None:  # else no foot can lift
+            measured = [places[frame] for frame in self._frames]
         return self.advance(state.load.tolist(), self._soles, state.dcm, state.turned, measured)
 
     def advance(
