@@ -125,19 +125,46 @@ def test_a_file_keeps_what_is_known_and_one_that_is_missing_is_named_once(
 
 
 @pytest.mark.parametrize("ending", ["npz", "csv"])
-@pytest.mark.parametrize("name", ["time", "x", "left_stands", "a\nb", " a", "a"])
 def test_a_clip_that_is_written_is_read_with_the_names_of_its_joints(
-    arms: MotionClip, tmp_path: Path, name: str, ending: str
+    arms: MotionClip, tmp_path: Path, ending: str
 ) -> None:
-    path = tmp_path / f"clip.{ending}"
-    clip = replace(arms, joint_names=(name, *arms.joint_names[1:]))
-    if name == " a" or ending == "csv" and name != "a":
-        with pytest.raises(InputError, match=f"cannot be called .* as .{ending}"):
+    """Whatever a joint is called, in one piece or several: other names are refused, and nothing is written."""
+    pieces = [*'a,1#é" \\\n\t\0\x1c\u2028\ufeff\ud800', "time", "x", "left_stands", "nan", ""]
+    path, written = tmp_path / f"clip.{ending}", 0
+    for k, name in enumerate([*pieces, *map("".join, np.random.default_rng(0).choice(pieces, (60, 3)))]):
+        clip = replace(arms, joint_names=(name, *(f"{j} of {k}" for j in arms.joint_names[1:])))
+        path.unlink(missing_ok=True)
+        try:
             write_motion(clip, path)
-        assert not path.exists()
-    else:
-        write_motion(clip, path)
-        assert read_motion(path).joint_names == clip.joint_names
+        except InputError as error:
+            assert "cannot be called" in str(error) and not path.exists() and name not in ("a", "1", "é")
+            assert ending == "csv" or name != name.encode("utf-8", "ignore").decode().strip("\0").strip()
+        else:
+            assert read_motion(path).joint_names == clip.joint_names
+            written += 1
+    assert written > 20
+
+
+GOOD: dict[str, dict[str, Any]] = {
+    "a motion": {"base": (5, 7), "joints": (5, 2)},
+    "a motion of GMR": {"root_pos": (5, 3), "root_rot": (5, 4), "dof_pos": (5, 2)},
+    "a motion of BeyondMimic": {"joint_pos": (5, 2), "body_pos_w": (5, 3, 3), "body_quat_w": (5, 3, 4)},
+}
+
+
+@pytest.mark.parametrize("what", GOOD)
+@pytest.mark.parametrize("shape", [(), (5,), (4, 2), (5, 0), (5, 0, 3), (5, 2, 3), (5, 3, 2, 1), (6, 3, 4)])
+def test_an_array_of_another_shape_is_named_with_the_shape_that_it_must_have(
+    what: str, shape: tuple[int, ...], tmp_path: Path
+) -> None:
+    for wrong in GOOD[what]:
+        arrays = {name: np.zeros(shape if name == wrong else good) for name, good in GOOD[what].items()}
+        np.savez(path := tmp_path / "a.npz", rate=50.0, joint_names=np.array(["a", "b"]), **arrays)
+        with pytest.raises(InputError, match=r"must have (shape \(|2 to )") as refused:
+            read_motion(path)
+        assert len(shape) == 2 or any(
+            str(refused.value).partition(": ")[2].startswith(f"{name} of a motion") for name in arrays
+        )
 
 
 @pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "opaque", "of C", "unused"])

@@ -19,7 +19,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, SkeletonClip, check_motion, read_motion, retarget
 from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
 from wbc.motion.footsteps import footsteps
-from wbc.motion.kinematics import BodyMotion
+from wbc.motion.kinematics import BodyMotion, arm_joints
 from wbc.motion.measures import measure
 from wbc.motion.retarget import (
     BENT,
@@ -399,12 +399,12 @@ def test_arms_are_drawn_in_by_one_ratio_until_their_drives_hold_them(robot: Robo
     for name, by in moved.items():
         q[:, 7 + robot.joint_index(name)] += by
     share = 0.1
-    found = _drawn_in(robot, MotionClip.of(robot, q, 100.0), share)
+    found = _drawn_in(robot, MotionClip.of(robot, q, 100.0), share, unfinished := set())
     ratios = [
         (found.joints[30, robot.joint_index(name)] - robot.half_sitting[7 + robot.joint_index(name)]) / by
         for name, by in moved.items()
     ]
-    assert ratios[0] == pytest.approx(ratios[1]) and 0.1 < ratios[0] < 0.9
+    assert ratios[0] == pytest.approx(ratios[1]) and 0.1 < ratios[0] < 0.9 and not unfinished
     arm = [i for i, name in enumerate(robot.joint_names) if name.startswith("left_") and "hip" not in name]
     others = np.setdiff1d(np.arange(robot.na), arm)
     np.testing.assert_array_equal(found.joints[:, others], q[:, 7 + others])
@@ -413,8 +413,20 @@ def test_arms_are_drawn_in_by_one_ratio_until_their_drives_hold_them(robot: Robo
     )
     used = np.abs(gravity[6:]) / robot.torque_limit
     assert used[robot.joint_index("left_shoulder_pitch")] == pytest.approx(share, rel=0.02)
-    light = _drawn_in(robot, MotionClip.of(robot, q, 100.0), 1.0)
+    light = _drawn_in(robot, MotionClip.of(robot, q, 100.0), 1.0, set())
     np.testing.assert_array_equal(light.joints, q[:, 7:])
+    _drawn_in(robot, MotionClip.of(robot, q, 100.0), 1e-4, unfinished)  # half-sitting itself is too much
+    assert unfinished == {"arms"}
+
+
+def test_a_frame_that_is_no_hand_makes_no_arm(robot: Robot) -> None:
+    """A role on a toe leaves the leg as the clip has it, however small the share of torques is."""
+    toed = replace(load_robot("hrp4_class"), hands={"left_toe": robot.soles[0].frame}).robot()
+    q = np.tile(toed.half_sitting, (20, 1))
+    q[:, 7 + toed.joint_index("left_knee_pitch")] += 0.3
+    kept = _drawn_in(toed, MotionClip.of(toed, q, 100.0), 1e-3, set())
+    np.testing.assert_array_equal(kept.joints, q[:, 7:])
+    assert set(arm_joints(robot)) == {"left", "right"} and not arm_joints(toed)
 
 
 def test_springs_that_carry_an_arm_leave_it_where_it_is() -> None:
@@ -429,7 +441,7 @@ def test_springs_that_carry_an_arm_leave_it_where_it_is() -> None:
     for sign in (1.0, 0.0, -1.0):
         springs = {} if sign == 0.0 else {name: (20.0, float(q[0, 7 + joint] + sign * gravity / 20.0))}
         sprung = replace(plain, springs=springs).robot()
-        made = _drawn_in(sprung, MotionClip.of(sprung, q, 100.0), 0.2)
+        made = _drawn_in(sprung, MotionClip.of(sprung, q, 100.0), 0.2, set())
         kept[sign] = float(made.joints[20, joint] - robot.half_sitting[7 + joint]) / -1.2
     assert kept[1.0] == pytest.approx(1.0, abs=1e-6) and kept[1.0] > kept[0.0] > kept[-1.0]
 

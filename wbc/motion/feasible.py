@@ -31,7 +31,7 @@ from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.footsteps import BLEND, footsteps, smoothstep
 from wbc.motion.inverse_kinematics import inverse_kinematics, planted
-from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, corners_of
+from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, arm_joints, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
 # Numbers without a source are judged by the table of tracked motions in docs/measured_hands.md: the clips of that table
@@ -120,6 +120,8 @@ class FeasibleMotion:
         changes: Joint → greatest change, rad, for joints that changed; compared at the same frames.
         shortened: Greatest distance by which a step was brought within reach, m.
         stretched: Duration of the result without its rests over that of the given clip.
+        unfinished: Stages whose passes did not suffice: "arms" or "trunk" that need more torque than is allowed, and
+            "ZMP" for one that is not inside the support, or a centre of mass that is too high for the legs.
     """
 
     clip: MotionClip
@@ -129,6 +131,7 @@ class FeasibleMotion:
     changes: dict[str, float]
     shortened: float
     stretched: float
+    unfinished: tuple[str, ...] = ()
 
 
 @checked
@@ -158,12 +161,12 @@ def make_feasible(
     times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * RATE) + 1))
     resampled = full.sampled(times, RATE)
     before = check_motion(robot, resampled, share=share, friction=friction)
-    smooth = _drawn_in(robot, _smooth(robot, resampled), share)
+    smooth = _drawn_in(robot, _smooth(robot, resampled), share, set())
     speed = abs(np.gradient(smooth.joints, 1.0 / RATE, axis=0))
     pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, GIVING, 0.5 * FADING)
     for attempt in range(RETIMINGS + 1):
         eased, source = _retimed(smooth, pace)
-        motion, standing, shortened = _balanced(robot, eased, share)
+        motion, standing, shortened = _balanced(robot, eased, share, unfinished := set())
         after = measure(robot, motion, standing, share=share, friction=friction)
         slow = after.infeasible_frames
         if attempt == RETIMINGS or not slow.any():
@@ -180,6 +183,7 @@ def make_feasible(
         changes=by_joint(robot, changed.max(axis=0)),
         shortened=shortened,
         stretched=(len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
+        unfinished=tuple(sorted(unfinished)),
     )
 
 
@@ -196,13 +200,14 @@ def _smooth(robot: Robot, clip: MotionClip) -> MotionClip:
     return replace(clip, base=columns[:, :7], joints=np.clip(columns[:, 7:], lower, upper))
 
 
-def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
+def _drawn_in(robot: Robot, clip: MotionClip, share: float, unfinished: set[str]) -> MotionClip:
     """Return a clip whose arms are no further from half-sitting than a share of their torque limits holds at rest.
 
-    No slowing down helps against gravity. All joints of an arm come nearer to half-sitting by the same ratio.
+    No slowing down helps against gravity. All joints of an arm come nearer to half-sitting by the same ratio. Arms that
+    are too heavy after all passes are added to the stages that are unfinished.
     """
     data, q, rest = robot.model.createData(), clip.configurations(robot), robot.half_sitting[7:]
-    arms = [robot.joints_between(hand, robot.torso_frame) for hand in robot.frames.values()]
+    arms = list(arm_joints(robot).values())
     for _ in range(DRAWING):
         gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, each)[BASE_DOF:] for each in q])
         excess = robot.torque_share(gravity + robot.spring_torques(q)) / share
@@ -213,6 +218,8 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
             part = 1.0 / _envelope(excess[:, arm].max(axis=1), 1.0, GIVING, FADING)[:, None]
             columns = [7 + joint for joint in arm]
             q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
+    else:
+        unfinished.add("arms")
     return replace(clip, joints=q[:, 7:])
 
 
@@ -245,7 +252,9 @@ def _integral(values: Array) -> Array:
     return np.asarray(np.cumsum(values) - 0.5 * (values + values[0]))
 
 
-def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float]:
+def _balanced(
+    robot: Robot, clip: MotionClip, share: float, unfinished: set[str]
+) -> tuple[BodyMotion, Array, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
     soles, moves, shortened = footsteps(robot, given.soles, given.com[:, 2], RATE, standing)
@@ -253,12 +262,12 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     over[:, :7] = [
         pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, over[:, :7], strict=True)
     ]
-    q = _held(robot, over, share)
+    q = _held(robot, over, share, unfinished)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
     ways = BodyMotion.of(robot, over, RATE).com[:, :2], BodyMotion.of(robot, q, RATE).com[:, 2:]
     com = gaussian_filter1d(np.hstack(ways), FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
-    result = _zmp_inside(robot, q, com, soles, standing)
+    result = _zmp_inside(robot, q, com, soles, standing, unfinished)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
     # takes soles off their places by half a millimetre, too: the legs bring them back.
     result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
@@ -267,17 +276,22 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     return BodyMotion.of(robot, result, RATE), standing, shortened
 
 
-def _held(robot: Robot, q: Array, share: float) -> Array:
+def _held(robot: Robot, q: Array, share: float, unfinished: set[str]) -> Array:
     """Return configurations, shape (T, nq), whose trunk and arms a share of the torque limits can hold."""
     q = q.copy()
-    q[:, 3:7] = _straightened(robot, q, share)
+    q[:, 3:7] = _straightened(robot, q, share, unfinished)
     # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
-    q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share).joints
+    q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share, unfinished).joints
     return q
 
 
 def _zmp_inside(
-    robot: Robot, q: Array, com: Array, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array
+    robot: Robot,
+    q: Array,
+    com: Array,
+    soles: list[tuple[pin.SE3, pin.SE3]],
+    standing: Array,
+    unfinished: set[str],
 ) -> Array:
     """Return configurations near given ones, shape (T, nq), with the ZMP inside the support.
 
@@ -297,6 +311,8 @@ def _zmp_inside(
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
         com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, SINKING, SINKING_FADE)
+    else:
+        unfinished.add("ZMP")
     return inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
 
 
@@ -314,7 +330,7 @@ def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Ar
     return supports_of(corners, standing)
 
 
-def _straightened(robot: Robot, q: Array, share: float) -> Array:
+def _straightened(robot: Robot, q: Array, share: float, unfinished: set[str]) -> Array:
     """Return orientations of the base, shape (T, 4), that bend the trunk no further than the waist can hold it.
 
     Torques of the joints above the legs are those of gravity on a trunk that is bent: turning all of it up by a share
@@ -335,6 +351,8 @@ def _straightened(robot: Robot, q: Array, share: float) -> Array:
             if sine > LEAST_TILT:
                 back = turns[i] * np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
                 q[i, 3:7] = (Rotation.from_rotvec(back) * Rotation.from_quat(q[i, 3:7])).as_quat()
+    else:
+        unfinished.add("trunk")
     return MotionClip.of(robot, q, RATE).base[:, 3:]
 
 

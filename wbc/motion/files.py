@@ -75,7 +75,8 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
     columns_of_csv = ("time", *BASE_COLUMNS, *STANDING)
     for name in clip.joint_names:
         lost = path.suffix.lower() == ".csv" and (name in columns_of_csv or len(name.splitlines()) > 1)
-        if lost or name != name.strip():
+        kept = name.encode("utf-8", "ignore").decode().rstrip("\0").strip()  # NumPy cuts zeros at the end
+        if lost or name != kept:
             raise InputError(
                 f"a joint cannot be called {shown(name)} in a motion that is written as {path.suffix}"
             )
@@ -150,7 +151,7 @@ def read_skeleton(
             names, positions, own_rate = read_bvh(path)
         else:
             data = _arrays(path)
-            texts, positions = _need(data, "a clip of a person", "joint_names", "positions")
+            texts, positions = _need(data, "a clip of a person", joint_names="", positions="T n 3")
             names, own_rate = _texts(texts), _rate(data)
         turn = 2 - "xyz".index(up or ("y" if kind == ".bvh" else "z"))
         rate = _agreed("rate (rate, Hz)", own_rate, rate)
@@ -200,13 +201,25 @@ def _arrays(path: Path) -> dict[str, AnyArray | None]:
         return {name: file[name] if name in USED else None for name in file.files}
 
 
-def _need(data: Arrays, what: str, *names: str) -> list[AnyArray]:
-    """Return arrays; an `InputError` names what a file has, and what it must have, where one is missing."""
-    arrays = [array for name in names if (array := data.get(name)) is not None]
-    if missing := [name for name in names if data.get(name) is None]:
+def _need(data: Arrays, what: str, **shapes: str) -> list[AnyArray]:
+    """Return arrays whose sides are numbers, or letters with one length in all of them, such as "T 3"; "" is any.
+
+    Raises:
+        InputError: One is missing, with what the file has and what it must have; or one has another shape.
+    """
+    if missing := [name for name in shapes if data.get(name) is None]:
         raise InputError(
-            f"it has no {', '.join(missing)}, but {_found(data)}; {what} needs {', '.join(names)}"
+            f"it has no {', '.join(missing)}, but {_found(data)}; {what} needs {', '.join(shapes)}"
         )
+    arrays, sides = [], dict[str, int]()
+    for name, shape in shapes.items():
+        arrays.append(array := np.asarray(data[name]))
+        wanted = shape.split()
+        for side, size in zip(wanted, array.shape, strict=False):
+            sides.setdefault(side, int(side) if side.isdigit() else size)
+        if wanted and array.shape != tuple(sides.get(side) for side in wanted):
+            expected = ", ".join(str(sides.get(side, side)) for side in wanted)
+            raise InputError(f"{name} of {what} must have shape ({expected}), got {array.shape}")
     return arrays
 
 
@@ -292,23 +305,27 @@ def _rate_of(times: Array) -> float:
 def _placed(data: Arrays) -> tuple[AnyArray, AnyArray]:
     """Return base and joints of arrays, or of columns, by their names."""
     if "base" in data:
-        base, joints = _need(data, "a motion", "base", "joints")
+        base, joints = _need(data, "a motion", base="T 7", joints="T n")
         return base, joints
     if "dof_pos" in data:
-        place, turn, joints = _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
+        what = "a motion of GMR"
+        place, turn, joints = _need(data, what, root_pos="T 3", root_rot="T 4", dof_pos="T n")
         return np.hstack([place, turn]), joints
     if "joint_pos" not in data:
         raise InputError(
             f"it has {_found(data)}; a motion of a robot needs base and joints, or joint_pos and body_pos_w, or "
             "dof_pos and root_pos"
         )
-    (joints,) = _need(data, "a motion", "joint_pos")
-    names, joints = data.get("joint_names"), np.atleast_2d(joints)
+    (joints,) = _need(data, "a motion", joint_pos="T n")
+    names = data.get("joint_names")
     if names is not None and joints.shape[1] == names.size + 7:  # of MuJoCo, base first
         return joints[:, [0, 1, 2, 4, 5, 6, 3]], joints[:, 7:]
-    places, turns = _need(data, "a motion of BeyondMimic", "body_pos_w", "body_quat_w")
+    what, shapes = "a motion of BeyondMimic", {"body_pos_w": "T bodies 3", "body_quat_w": "T bodies 4"}
+    joints, places, turns = _need(data, what, joint_pos="T n", **shapes)
     bodies = data.get("body_names")
     root = 1 if bodies is not None and _texts(bodies)[:1] == ("world",) else 0
+    if places.shape[1] <= root:
+        raise InputError(f"body_pos_w of {what} must have the base of the robot, got shape {places.shape}")
     return np.hstack([places[:, root], turns[:, root][:, [1, 2, 3, 0]]]), joints
 
 
@@ -319,7 +336,7 @@ def _texts(names: AnyArray) -> tuple[str, ...]:
         names = np.ascontiguousarray(names).view(f"S{width}")
     if names.dtype.kind not in "SU":
         raise InputError(f"names must be texts, got an array of type {names.dtype}")
-    if names.ndim == 2 and names.dtype.itemsize == np.dtype(f"{names.dtype.kind}1").itemsize:
+    if names.ndim == 2 and names.size and names.dtype.itemsize == np.dtype(f"{names.dtype.kind}1").itemsize:
         names = np.ascontiguousarray(names).view(f"{names.dtype.kind}{names.shape[1]}")
     if names.dtype.kind == "S":
         names = np.char.decode(names, "utf-8")

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.friction import mean_distance
-from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot
 
 FORCE_SMOOTHING = 0.02
 """Standard deviation with which motions are smoothed whose second differences give forces, torques or the ZMP, s:
@@ -140,6 +140,12 @@ class BodyMotion:
         torques += robot.passive_torques(self.q, self.v)
         torques[:, robot.leg_joints] = 0.0
         return robot.torque_share(torques)
+
+
+def arm_joints(robot: Robot) -> dict[str, list[int]]:
+    """Return the joints between the torso and each hand, by the side of the hand, as `Robot.joints_between`."""
+    hands = {side: robot.frames.get(f"{side}_hand") for side in SIDES}
+    return {side: robot.joints_between(hand, robot.torso_frame) for side, hand in hands.items() if hand}
 
 
 def offset_between(sole: pin.SE3, place: pin.SE3) -> Array:

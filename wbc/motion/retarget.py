@@ -31,7 +31,7 @@ from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import always_standing, touching
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import SMALL, searching
-from wbc.motion.kinematics import BodyMotion, Soles
+from wbc.motion.kinematics import BodyMotion, Soles, arm_joints
 from wbc.motion.measures import MotionMeasures, measure
 from wbc.motion.skeleton import SkeletonClip
 from wbc.tasks import OrientationTask, PoseTask, PositionTask, PostureTask
@@ -306,12 +306,10 @@ def arms_of(robot: Robot) -> list[_Arm]:
     """
     model, data = robot.model, robot.model.createData()
     arms = []
-    for side in SIDES:
-        hand = robot.frames.get(f"{side}_hand")
-        chain = [] if hand is None else robot.joints_between(hand, robot.torso_frame)
-        if hand is None or len(chain) < 3:
+    for side, chain in arm_joints(robot).items():
+        if len(chain) < 3:
             continue
-        root = robot.joint_numbers[chain[0]]
+        hand, root = robot.frames[f"{side}_hand"], robot.joint_numbers[chain[0]]
 
         def reach(joint: int, root: int = root, hand: str = hand) -> float:
             q, ends = robot.half_sitting.copy(), []
@@ -338,10 +336,11 @@ def arms_of(robot: Robot) -> list[_Arm]:
 
 def _frame_at(robot: Robot, number: int) -> str:
     """Return the name of a frame at the origin of a joint, on the link that the joint moves."""
-    return next(
-        str(frame.name)
-        for frame in robot.model.frames
-        if frame.parentJoint == number and not np.any(frame.placement.translation)
+    for frame in robot.model.frames:
+        if frame.parentJoint == number and not np.any(frame.placement.translation):
+            return str(frame.name)
+    raise InputError(
+        f"robot '{robot.name}' has no frame at the origin of joint '{robot.model.names[number]}', which moves an arm"
     )
 
 
