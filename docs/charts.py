@@ -292,7 +292,7 @@ def draw_carts(path: Path) -> None:
     axis.margins(x=0.08)
     axis.set_xlabel("distance of the cart from its place at the end (mm)")
     axis.tick_params(axis="y", labelsize=9)
-    axis.legend(frameon=False, loc="upper right")
+    axis.legend(frameon=False, loc="lower right")
     save(figure, path)
 
 
