@@ -219,6 +219,8 @@ class LipmWalk(ReferenceSource):
             self._planning.note(planner)  # whose order may have ended with its answer
             return
         self.steering.command(None)  # the robot comes to a stand
+        if not isinstance(planner, (SteeredSteps, PlanSource)):
+            self.planner = None  # what one of the user's own grants is refused as well
         self.planner = stand = self._steered_steps()
         plan = self._ask(stand, feet)
         if plan is None:

@@ -223,9 +223,11 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
     """Return what a planner answers, `AHEAD` steps at most.
 
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground,
-    and for an order that is not hashable: it is compared in the ticks to come.
+    and for attributes of the planner that are not what ticks to come read: numbers, and an order that is hashable.
     """
     to_check, plan, order = planner.to_check, planner.footsteps(now), planner.order
+    checked_velocity(planner.granted)
+    finite_scalar("pace of a planner (m/s)", planner.pace, low=0.0)
     try:
         hash(order)
     except TypeError:
