@@ -480,3 +480,35 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
         tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
     assert body.gait.step.swing is swing and swing.landing.x > ridge.at
     assert swing.over == 0.04 and tops[-1] > swing.over + 0.02
+
+
+@pytest.mark.parametrize("kind", ["velocity", "stop", "plan"])
+def test_an_order_that_is_given_in_every_tick_is_that_given_once_and_a_second_run_is_the_first(
+    kind: str,
+) -> None:
+    def order(body: PointMass, plan: FootstepPlan) -> None:
+        if kind == "plan":
+            body.gait.take(PlanSource(plan))  # as `WalkingControl.follow` does
+        else:
+            body.gait.steering.command((0.2, 0.03, 0.1) if kind == "velocity" else None)
+
+    def references(body: PointMass, *, again: bool) -> list[bytes]:
+        feet = [Footstep(side, *frame.translation[:2]) for side, frame in zip(SIDES, body._feet, strict=True)]
+        plan = walk_distance(FootstepPlan(*feet, (), Gait(step_length=0.12)), 0.3)
+        if kind == "stop":
+            body.gait.steering.command((0.2, 0.0, 0.0))
+        body.run(1.5)
+        order(body, plan)
+        told = len(body.ticks)
+        body.run(3.0, (lambda _: order(body, plan)) if again else None)
+        found = [tick.reference for tick in body.ticks[told:]]
+        assert body.gait.steps_done >= 2
+        return [each.pendulum.com.tobytes() + repr((each.progress, each.cop)).encode() for each in found]
+
+    body, again = PointMass(), PointMass()
+    first = references(body, again=False)
+    assert references(again, again=True) == first
+    again.gait.begin(0.0)
+    body = PointMass()
+    body.gait = again.gait
+    assert references(body, again=False) == first
