@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pendulum import BY_TIME
 from properties import by_default
@@ -412,14 +412,15 @@ def goes(now: Standing) -> FootstepPlan:
 @given(
     st.sampled_from(["stand", "velocity", "goal", "own"]),
     st.floats(0.0, 4.0),
-    st.sampled_from(["stop", "velocity", "goal", "own"]),
+    st.sampled_from(["stop", "velocity", "goal", "own", "plan"]),
 )
+@example("stand", 1.0, "plan")
 @settings(max_examples=8, deadline=None)
 def test_an_order_that_is_given_in_every_tick_is_the_one_that_is_given_once(
     before: str, when: float, order: str
 ) -> None:
     """Whatever a robot does meanwhile: stand, shift its weight, swing a foot, come to rest."""
-    ways = []
+    ways, plan = [], walk_distance(Stage().walk.phases.plan, 0.6)
     for times in (1, 60):
         stage, own = Stage(), Own(goes)
         orders = {
@@ -428,6 +429,7 @@ def test_an_order_that_is_given_in_every_tick_is_the_one_that_is_given_once(
             "velocity": lambda stage: stage.steer((0.2, 0.05, 0.1)),
             "goal": lambda stage: stage.go_to(1.0, 0.2, 0.3),
             "own": lambda stage, own=own: stage.follow(own),
+            "plan": lambda stage: stage.follow(plan),
         }
         orders[before](stage)
         stage.run(when)
