@@ -12,7 +12,7 @@ from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import Robot
 from wbc.motion import MotionClip, check_motion, make_feasible
-from wbc.motion.feasible import supports_on
+from wbc.motion.feasible import FeasibleSettings, supports_on
 from wbc.motion.kinematics import BodyMotion
 
 
@@ -107,7 +107,7 @@ def test_the_zmp_is_kept_to_the_middle_of_the_soles_and_of_both_where_both_carry
     soles = [tuple(pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.1, -0.1))] * 300
     standing = np.ones((300, 2), dtype=bool)
     standing[200:, 1] = False
-    areas = supports_on(hrp4, soles, standing)  # type: ignore[arg-type]
+    areas = supports_on(hrp4, soles, standing, 0.6)  # type: ignore[arg-type]
     length, width = 0.3 * hrp4.soles[0].length, 0.3 * hrp4.soles[0].width
     for frame, out in ((0, 0.1 - 0.15 * 0.2), (199, 0.1)):
         np.testing.assert_allclose(areas[frame].max(axis=0), (length, out + width), atol=1e-3)
@@ -117,6 +117,23 @@ def test_the_zmp_is_kept_to_the_middle_of_the_soles_and_of_both_where_both_carry
     extents = np.array([area[:, 1].max() for area in areas[:200]])
     assert (np.diff(extents) > -1e-12).all() and np.diff(extents).max() < 0.15 * 0.2 / 15.0, "no jump"
     assert extents[110] == pytest.approx(extents[0], abs=1e-3)
+
+
+def test_a_motion_rests_and_starts_for_the_times_that_are_set_and_slow_parts_alone_pass_a_low_cut_off(
+    hrp4: Robot,
+) -> None:
+    """An arm that swings with 0.5 Hz and, by a tenth as far, with 4 Hz, of which 1 Hz leaves nothing."""
+    times = np.arange(301) / 100.0
+    q, arm = np.tile(hrp4.half_sitting, (301, 1)), hrp4.joint_index("left_shoulder_pitch")
+    q[:, 7 + arm] += 0.2 * np.sin(np.pi * times) ** 2 + 0.02 * np.sin(8.0 * np.pi * times)
+    clip = MotionClip.of(hrp4, q, 100.0)
+    settings = FeasibleSettings(cutoff=1.0, hold=1.0, ease=0.8)
+    result = make_feasible(hrp4, clip, settings=settings)
+    usual = make_feasible(hrp4, clip)
+    assert result.clip.duration == pytest.approx(usual.clip.duration + 1.0 + 0.4, abs=0.03)
+    assert (result.source_times[:101] == 0.0).all() and result.source_times[110] > 0.0
+    bends = [np.abs(np.diff(each.clip.joints[:, arm], 2)).max() for each in (result, usual)]
+    assert bends[0] < 0.5 * bends[1] and result.unfinished == usual.unfinished == ()
 
 
 def test_the_body_moves_until_the_zmp_is_on_the_soles(hrp4: Robot) -> None:

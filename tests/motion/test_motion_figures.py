@@ -383,12 +383,12 @@ def test_joints_are_kept_within_their_limits_by_a_margin_and_quaternions_of_leng
     far[:, 7:] = 10.0 * np.where(np.arange(robot.na) % 2, 1.0, -1.0)
     turns = np.linspace(0.0, 1.5, 120)
     far[:, 3:7] = [pin.Quaternion(pin.utils.rotate("z", turn)).coeffs() for turn in turns]
-    kept = _smooth(robot, MotionClip.of(robot, far, 100.0))
+    kept = _smooth(robot, MotionClip.of(robot, far, 100.0), 6.0)
     room = np.minimum(0.05, 0.5 * (robot.position_upper - robot.position_lower))
     ends = np.where(np.arange(robot.na) % 2, robot.position_upper - room, robot.position_lower + room)
     np.testing.assert_allclose(kept.joints, np.tile(ends, (120, 1)), atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(kept.base[:, 3:], axis=1), 1.0, atol=1e-12)
-    still = _smooth(robot, MotionClip.of(robot, q, 100.0))
+    still = _smooth(robot, MotionClip.of(robot, q, 100.0), 6.0)
     np.testing.assert_allclose(still.joints, q[:, 7:], atol=1e-6)
 
 

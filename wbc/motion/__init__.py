@@ -1,7 +1,7 @@
 """Motions: clips of robots and of people, read from the field's formats, retargeted, made feasible, and tracked."""
 
 from wbc.motion.clip import MotionClip
-from wbc.motion.feasible import make_feasible
+from wbc.motion.feasible import FeasibleSettings, make_feasible
 from wbc.motion.files import read_motion, read_skeleton, write_motion
 from wbc.motion.measures import check_motion
 from wbc.motion.retarget import retarget
@@ -20,6 +20,7 @@ __all__ = [
     # Measured, and made feasible
     "check_motion",
     "make_feasible",
+    "FeasibleSettings",
     # Tracked
     "MotionSource",
     "tracking_settings",

@@ -15,9 +15,11 @@ S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 20
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
@@ -25,7 +27,7 @@ from scipy.spatial.transform import Rotation
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.settings import Positive, Ratio
+from wbc.base.settings import NonNegative, Positive, Ratio, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
@@ -39,10 +41,6 @@ from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure,
 
 RATE = 100.0
 """Frames per second of the result, Hz."""
-
-CUTOFF = 6.0
-"""Cut-off of the low pass of all joints and of the base, zero phase, Hz; it is the usual one of gait (D. A. Winter,
-Biomechanics and Motor Control of Human Movement, 4th ed. 2009, ch. 3)."""
 
 JOINT_MARGIN = 0.05
 """Distance to the joint limits, rad."""
@@ -67,18 +65,6 @@ SINKING = 0.6
 
 SINKING_FADE = 0.15
 """Standard deviation with which it does, s."""
-
-HOLD = 0.5
-"""Time at rest at both ends, s."""
-
-EASE = 0.4
-"""Time in which the motion starts from rest and comes to rest, s."""
-
-DOUBLE_SUPPORT = 0.15
-"""Least time on both feet when one takes over, s: the foot that leaves stays longer."""
-
-SOLE_SHARE = 0.6
-"""Ratio of length and width of each sole, about its centre, on which the ZMP stays: the rest is for feedback."""
 
 LEAST_LOAD = 0.15
 """Least share of the load of each of two soles that stand, for a ZMP between their centres."""
@@ -106,6 +92,27 @@ LOW = 1e-3
 
 LEAST_TILT = 1e-3
 """Share, and sine, of the tilt of a trunk below which it is not turned up."""
+
+
+@settings
+class FeasibleSettings:
+    """Settings of the filter.
+
+    Attributes:
+        cutoff: Cut-off of the low pass of all joints and of the base, zero phase, Hz; 6 Hz is the usual one of gait
+            (D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, ch. 3).
+        hold: Time at rest at both ends, s.
+        ease: Time in which the motion starts from rest and comes to rest, s.
+        double_support: Least time on both feet when one takes over, s: the foot that leaves stays longer.
+        sole_share: Share of length and width of each sole, about its centre, on which the ZMP stays: the rest is for
+            feedback.
+    """
+
+    cutoff: Annotated[float, Field(gt=0.0, lt=0.5 * RATE), "Hz"] = 6.0
+    hold: Annotated[NonNegative, "s"] = 0.5
+    ease: Annotated[Positive, "s"] = 0.4
+    double_support: Annotated[NonNegative, "s"] = 0.15
+    sole_share: Ratio = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +143,12 @@ class FeasibleMotion:
 
 @checked
 def make_feasible(
-    robot: Robot, clip: MotionClip, *, share: Ratio = 0.8, friction: Positive = 0.5
+    robot: Robot,
+    clip: MotionClip,
+    *,
+    share: Ratio = 0.8,
+    friction: Positive = 0.5,
+    settings: FeasibleSettings | None = None,
 ) -> FeasibleMotion:
     """Make a clip feasible; a clip that is already feasible hardly changes.
 
@@ -146,6 +158,7 @@ def make_feasible(
         share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
         friction: Largest coefficient of friction that forces and yaw moments of the soles may need. The friction that
             the ground has in addition is left for feedback.
+        settings: Settings of the filter; the default ones when None.
 
     Returns:
         The motion; its field `after` measures the motion, and tells whether it is feasible everywhere.
@@ -157,16 +170,18 @@ def make_feasible(
         raise InputError(
             f"a motion must last at most {LONGEST / RATE:g} s at {RATE:g} Hz, got {clip.duration:g} s"
         )
+    chosen, unfinished = settings or FeasibleSettings(), set[str]()
     full = MotionClip.of(robot, clip.configurations(robot), clip.rate, clip.name, clip.standing)
     times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * RATE) + 1))
     resampled = full.sampled(times, RATE)
     before = check_motion(robot, resampled, share=share, friction=friction)
-    smooth = _drawn_in(robot, _smooth(robot, resampled), share, set())
+    smooth = _drawn_in(robot, _smooth(robot, resampled, chosen.cutoff), share, set())
     speed = abs(np.gradient(smooth.joints, 1.0 / RATE, axis=0))
     pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, GIVING, 0.5 * FADING)
     for attempt in range(RETIMINGS + 1):
-        eased, source = _retimed(smooth, pace)
-        motion, standing, shortened = _balanced(robot, eased, share, unfinished := set())
+        eased, source = _retimed(smooth, pace, chosen)
+        unfinished.clear()
+        motion, standing, shortened = _balanced(robot, eased, share, chosen, unfinished)
         after = measure(robot, motion, standing, share=share, friction=friction)
         slow = after.infeasible_frames
         if attempt == RETIMINGS or not slow.any():
@@ -182,19 +197,19 @@ def make_feasible(
         after=after,
         changes=by_joint(robot, changed.max(axis=0)),
         shortened=shortened,
-        stretched=(len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
+        stretched=(len(motion.q) / RATE - 2.0 * chosen.hold) / clip.duration,
         unfinished=tuple(sorted(unfinished)),
     )
 
 
-def _smooth(robot: Robot, clip: MotionClip) -> MotionClip:
-    """Clamp the joints to their limits and take out what is faster than the cut-off."""
+def _smooth(robot: Robot, clip: MotionClip, cutoff: float) -> MotionClip:
+    """Clamp the joints to their limits and take out what is faster than the cut-off, Hz."""
     from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import
 
     lower, upper = robot.position_lower, robot.position_upper
     room = np.minimum(JOINT_MARGIN, 0.5 * (upper - lower))
     columns = np.hstack([clip.base, np.clip(clip.joints, lower + room, upper - room)])
-    sections = butter(2, CUTOFF, fs=RATE, output="sos")
+    sections = butter(2, cutoff, fs=RATE, output="sos")
     columns = sosfiltfilt(sections, columns, axis=0, padlen=min(len(clip) - 1, round(RATE)))
     columns[:, 3:7] /= np.linalg.norm(columns[:, 3:7], axis=1, keepdims=True)
     return replace(clip, base=columns[:, :7], joints=np.clip(columns[:, 7:], lower, upper))
@@ -236,14 +251,15 @@ def _slowed(pace: Array, times: Array) -> Array:
     return pace * np.where(maximum_filter1d(bad, round(RATE)), STRETCH, 1.0)
 
 
-def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:
+def _retimed(clip: MotionClip, pace: Array, settings: FeasibleSettings) -> tuple[MotionClip, Array]:
     """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends."""
+    ease = settings.ease
     slowed = _integral(gaussian_filter1d(pace, FADING * RATE, mode="nearest")) / RATE
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
-    t = np.linspace(0.0, slowed[-1] + EASE, round((slowed[-1] + EASE) * RATE) + 1)
-    way = _integral(smoothstep(t / EASE) * smoothstep((t[-1] - t) / EASE))
+    t = np.linspace(0.0, slowed[-1] + ease, round((slowed[-1] + ease) * RATE) + 1)
+    way = _integral(smoothstep(t / ease) * smoothstep((t[-1] - t) / ease))
     inside = np.interp(way * (slowed[-1] / way[-1]), slowed, clip.times)
-    source = np.pad(inside, round(HOLD * RATE), mode="edge")
+    source = np.pad(inside, round(settings.hold * RATE), mode="edge")
     return clip.sampled(source, RATE), source
 
 
@@ -253,10 +269,10 @@ def _integral(values: Array) -> Array:
 
 
 def _balanced(
-    robot: Robot, clip: MotionClip, share: float, unfinished: set[str]
+    robot: Robot, clip: MotionClip, share: float, settings: FeasibleSettings, unfinished: set[str]
 ) -> tuple[BodyMotion, Array, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
-    given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
+    given, standing = on_ground(robot, clip, settings.double_support)
     soles, moves, shortened = footsteps(robot, given.soles, given.com[:, 2], RATE, standing)
     over = given.q.copy()  # the base over the feet
     over[:, :7] = [
@@ -267,7 +283,8 @@ def _balanced(
     # which second differences make metres.
     ways = BodyMotion.of(robot, over, RATE).com[:, :2], BodyMotion.of(robot, q, RATE).com[:, 2:]
     com = gaussian_filter1d(np.hstack(ways), FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
-    result = _zmp_inside(robot, q, com, soles, standing, unfinished)
+    supports = supports_on(robot, soles, standing, settings.sole_share)
+    result = _zmp_inside(robot, q, com, soles, standing, supports, unfinished)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
     # takes soles off their places by half a millimetre, too: the legs bring them back.
     result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
@@ -291,13 +308,14 @@ def _zmp_inside(
     com: Array,
     soles: list[tuple[pin.SE3, pin.SE3]],
     standing: Array,
+    supports: list[Array],
     unfinished: set[str],
 ) -> Array:
     """Return configurations near given ones, shape (T, nq), with the ZMP inside the support.
 
     The centre of mass begins on a way, shape (T, 3), m; the soles and where they stand, shape (T, 2), stay.
     """
-    supports, com = supports_on(robot, soles, standing), com.copy()
+    com = com.copy()
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
     result = q
     for _ in range(PASSES):
@@ -316,11 +334,13 @@ def _zmp_inside(
     return inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
 
 
-def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
-    """Return the areas on which the ZMP is to stay, each of shape (n, 2), m."""
+def supports_on(
+    robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array, share: float
+) -> list[Array]:
+    """Return the areas on which the ZMP is to stay, each of shape (n, 2), m, for a share of each sole."""
     corners = corners_of(robot, soles)
     centres = corners.mean(axis=2, keepdims=True)
-    corners = centres + SOLE_SHARE * (corners - centres)
+    corners = centres + share * (corners - centres)
     near = maximum_filter1d((~standing.all(axis=1)).astype(float), round(SHIFT * RATE))
     load = (
         LEAST_LOAD * gaussian_filter1d(1.0 - near, SHIFT / 6.0 * RATE, mode="nearest") * standing.all(axis=1)
