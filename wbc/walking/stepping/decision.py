@@ -38,33 +38,19 @@ STAIR_TIME = 0.85
 
 
 class StepState(NamedTuple):
-    """State that a step is decided by.
+    """State that a step is decided by."""
 
-    Attributes:
-        axes: Axes about the carrying point of the foot that stands.
-        cop_command: Commanded centre of pressure on it, with the low-pass of the measured one, m.
-        contact: Measured one, low-passed, m.
-        dcm: Divergent component of motion about it.
-        orbit: Orbit of the steps that are asked for.
-        nominal: Time T of a step, s.
-        longest: Longest time of this step, s.
-        elapsed: Time since lift-off, s.
-        swing: Place of the swing foot's centre, x and y, m, and its velocity, m/s.
-        down: Time that the swing foot needs to come straight down, s.
-        climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
-    """
-
-    axes: StanceAxes
-    cop_command: Vector
-    contact: Vector
-    dcm: Divergent
-    orbit: Orbit
-    nominal: float
-    longest: float
-    elapsed: float
-    swing: tuple[float, float, float, float]
-    down: float
-    climbs: bool = False
+    axes: StanceAxes  # axes about the carrying point of the foot that stands
+    cop_command: Vector  # commanded centre of pressure on it, with the low-pass of the measured one, m
+    contact: Vector  # measured centre of pressure, low-passed, m
+    dcm: Divergent  # divergent component of motion about it
+    orbit: Orbit  # orbit of the steps that are asked for
+    nominal: float  # time T of a step, s
+    longest: float  # longest time of this step, s
+    elapsed: float  # time since lift-off, s
+    swing: tuple[float, float, float, float]  # place of the swing foot's centre, m, and its velocity, m/s
+    down: float  # time that the swing foot needs to come straight down, s
+    climbs: bool = False  # true for a landing on a stair, which moves aside alone: ahead and behind are edges
 
 
 class SwingWay(NamedTuple):
@@ -122,7 +108,7 @@ class StepDecision:
     def __init__(self, values: GaitValues, ground: GroundEstimate) -> None:
         """Make the program."""
         settings, constants, scale, dt = values
-        self._s, self._law, self._scale, self._ground = settings, constants, scale, ground
+        self._settings, self._law, self._scale, self._ground = settings, constants, scale, ground
         self.area, self._program = HeldArea(scale.sole, constants.area, dt), StepProgram(scale.height)
         self._places = (-settings.reach, settings.gap), (settings.reach, settings.widest)
         self._most = constants.area.cop_speed * dt  # change of the centre of pressure in a tick, m
@@ -252,7 +238,7 @@ class StepDecision:
 
     def _shortest(self, state: StepState) -> float:
         """Return the shortest time that is left of a step, s."""
-        least = self._s.shortest
+        least = self._settings.shortest
         if state.climbs:
             least = max(least, STAIR_TIME * state.nominal)
         return max(least - state.elapsed, 0.0)
@@ -270,11 +256,11 @@ class StepDecision:
         """
         if state.climbs or state.elapsed <= 0.0:
             return None
-        s, omega, ahead, way = self._s, state.dcm.omega, run[0], self._way(state)
+        settings, omega, ahead, way = self._settings, state.dcm.omega, run[0], self._way(state)
         closing = self._shortest(state)
         time = min(closing, state.down)
         (near, _), (far, _) = way.reached(closing, self._places)
-        closed = _within(ahead * math.exp(omega * closing), near, far), s.gap
+        closed = _within(ahead * math.exp(omega * closing), near, far), settings.gap
         if self._way_on(way.place, run, omega, time) < self._way_on(closed, run, omega, closing):
             return PutDown(state.elapsed + time, way.reached(time, self._places))
         return None
@@ -286,7 +272,7 @@ class StepDecision:
         by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
         (x, d), (ahead, outwards) = place, run
-        grown, growth = math.exp(omega * time), math.exp(omega * self._s.shortest)
+        grown, growth = math.exp(omega * time), math.exp(omega * self._settings.shortest)
         return math.hypot((ahead * grown - x) * growth + x, (d - outwards * grown) * growth - d)
 
     def _way(self, state: StepState) -> SwingWay:
@@ -330,7 +316,7 @@ class StepDecision:
 
         The area is that of the shift of the centre of pressure.
         """
-        s, law = self._s, self._law
+        settings, law = self._settings, self._law
         moved = self._chosen_about is None or math.dist(free, self._chosen_about) > law.swing.again
         early = state.elapsed < law.swing.choice * (state.elapsed + look) / law.swing.touch
         if early or look <= LAST_LOOK or not moved:
@@ -344,7 +330,8 @@ class StepDecision:
 
         def allowed(x: float, y: float) -> bool:
             ahead, outwards = state.axes.offset(x, y)
-            return abs(ahead + law.area.carrying) <= s.reach and s.gap <= outwards <= s.widest
+            beside = settings.gap <= outwards <= settings.widest
+            return beside and abs(ahead + law.area.carrying) <= settings.reach
 
         (cos, sin), left = state.axes.direction, state.axes.side > 0.0
         place = Footstep("left" if left else "right", *free, self._ground.height, math.atan2(sin, cos))

@@ -34,7 +34,7 @@ class DoubleSupport:
 
     def __init__(self, values: GaitValues, felt: GaitState) -> None:
         """Stand."""
-        self._s, self._law, _, self._dt = values
+        self._settings, self._law, _, self._dt = values
         self._felt = felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self.duration = self._shift_time = self._late = 0.0
@@ -118,12 +118,13 @@ class DoubleSupport:
 
     def _rest_of_dcm(self, axes: StanceAxes, time: float) -> Point:
         """Return where ξ rests when the weight has shifted, ahead and outwards of the foot that is to stand, m."""
-        s, law, omega = self._s, self._law, self._felt.dcm.omega
+        settings, law, omega = self._settings, self._law, self._felt.dcm.omega
         if not self._footsteps:
-            return 0.0, law.stand.shift * s.width / (1.0 + math.exp(omega * s.step_time))
-        wish = steps_of_plan(self._footsteps, law.area.carrying, s.width, axes, omega, time)
+            return 0.0, law.stand.shift * settings.width / (1.0 + math.exp(omega * settings.step_time))
+        wish = steps_of_plan(self._footsteps, law.area.carrying, settings.width, axes, omega, time)
         grown, most = math.exp(omega * time), SHIFTED * 0.5 * law.area.standing_box[0]
-        ahead, outwards = ((s + b) / grown for s, b in zip(wish.places[:2], wish.offsets[:2], strict=True))
+        (place_x, place_y, *_), (offset_x, offset_y, *_) = wish.places, wish.offsets
+        ahead, outwards = (place_x + offset_x) / grown, (place_y + offset_y) / grown
         return min(max(ahead, -most - law.area.carrying), most - law.area.carrying), outwards
 
     def _carrying_points(self) -> tuple[Vector, Vector]:

@@ -49,7 +49,7 @@ class PathSteering(Steering):
     ) -> None:
         """Stand with a heading, rad, on a ground of an extent, m, on soles that are `supported` so far."""
         settings, constants, scale, dt = values
-        self._s, self._law, self._sole, self._dt = settings, constants, scale.sole, dt
+        self._settings, self._law, self._sole, self._dt = settings, constants, scale.sole, dt
         near = constants.path.near
         self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._law.path.path_lag)
@@ -73,12 +73,12 @@ class PathSteering(Steering):
 
     def plan_time(self, stair: float) -> float:
         """Return the time T of a step along footsteps, s, with the height to the next stair, m; 0 on the level."""
-        s = self._s
+        settings = self._settings
         if stair < 0.0:
-            return self._pace.time(self.velocity[0], s.slow_time)
+            return self._pace.time(self.velocity[0], settings.slow_time)
         supported = 1.0 if stair else self.supported
-        slow = s.step_time + supported * max(min(self._law.time.plan_time, s.slow_time) - s.step_time, 0.0)
-        return self._pace.time(self.velocity[0], slow)
+        longer = max(min(self._law.time.plan_time, settings.slow_time) - settings.step_time, 0.0)
+        return self._pace.time(self.velocity[0], settings.step_time + supported * longer)
 
     @property
     def fast_share(self) -> float:
@@ -88,10 +88,10 @@ class PathSteering(Steering):
     @property
     def _slow(self) -> float:
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
-        s = self._s
-        brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._law.path.slow_turn)
+        settings = self._settings
+        brisk = max(abs(self.velocity[0]) / settings.cruise, abs(self.turn) / self._law.path.slow_turn)
         slow = self.supported * min(max(2.0 - brisk, 0.0), 1.0) if self.pending else 0.0
-        return s.step_time + slow * (s.slow_time - s.step_time)
+        return settings.step_time + slow * (settings.slow_time - settings.step_time)
 
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
@@ -105,7 +105,7 @@ class PathSteering(Steering):
     def follow(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
-        most = self._s.fastest_turn * self._dt
+        most = self._settings.fastest_turn * self._dt
         self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))
 
     def turn_to(self, heading: float) -> None:
@@ -137,9 +137,10 @@ class PathSteering(Steering):
             return False
         x, y, _ = self.limited(self.target)
         u, v = self.velocity if any(self.velocity) else (x, y)
-        (cos, sin), (length, width), s = self.direction, self._sole, self._s
-        stop = math.hypot(u, v) / (2.0 * s.acceleration) + s.step_time  # s, at this velocity
-        width += max(0.5 * s.width, s.gap + abs(v) * s.step_time / SIDEWAYS)  # feet that come apart
+        (cos, sin), (length, width), settings = self.direction, self._sole, self._settings
+        stop = math.hypot(u, v) / (2.0 * settings.acceleration) + settings.step_time  # s, at this velocity
+        apart = settings.gap + abs(v) * settings.step_time / SIDEWAYS  # feet that come apart, m
+        width += max(0.5 * settings.width, apart)
         ends = self.extent[:2], self.extent[2:]
         for at, (low, high), (a, b) in zip(place, ends, ((cos, -sin), (sin, cos)), strict=True):
             towards, ahead = a * x + b * y, stop * (a * u + b * v)
@@ -150,9 +151,9 @@ class PathSteering(Steering):
 
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
-        s, dt = self._s, self._dt
+        settings, dt = self._settings, self._dt
         forward, left, turn = self._wanted(place)
-        change = s.acceleration * dt
+        change = settings.acceleration * dt
         x, y = self.velocity
         x += min(max(forward - x, -change), change)
         y += min(max(left - y, -change), change)
@@ -181,7 +182,7 @@ class PathSteering(Steering):
             if self.arrives(place):
                 return AT_REST
         towards = None if self._line is None else self._line[1]
-        return self.limited(self.approach(place, self.heading, law.goal_time, self._s.cruise, towards))
+        return self.limited(self.approach(place, self.heading, law.goal_time, self._settings.cruise, towards))
 
     def _kept_to_path(self, place: Point, turn: float) -> Point:
         """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
@@ -226,25 +227,26 @@ class Asked(NamedTuple):
     time: float  # time T of a step, s
     footsteps: Sequence[Footstep] = ()  # from the one that swings on; none of steps by a velocity
 
-    def wish(self, state: StepState, s: SettingsInSI, carrying: float, pace: float) -> Wish:
+    def wish(self, state: StepState, settings: SettingsInSI, carrying: float, pace: float) -> Wish:
         """Return the steps for the program.
 
         Feet carry so far ahead of their centres, m. Steps of a fast walk are as long as their `pace` asks for, the mean
         time of the last ones, s.
         """
         if self.footsteps:
-            return steps_of_plan(self.footsteps, carrying, s.width, state.axes, state.dcm.omega, self.time)
+            axes, omega = state.axes, state.dcm.omega
+            return steps_of_plan(self.footsteps, carrying, settings.width, axes, omega, self.time)
         forward, left = self.steps.velocity
         longer = 1.0 + self.fast_share * (pace / self.time - 1.0)
-        return steps_of_velocity(((forward - self.steps.made_up) * longer, left), self.width(s), state)
+        return steps_of_velocity(((forward - self.steps.made_up) * longer, left), self.width(settings), state)
 
-    def orbit(self, side: float, s: SettingsInSI, pace: float, omega: float) -> Orbit:
+    def orbit(self, side: float, settings: SettingsInSI, pace: float, omega: float) -> Orbit:
         """Return the orbit of the velocity; see `Orbit.of`."""
-        return Orbit.of(self.steps.velocity, side, self.width(s), self.time, pace, omega)
+        return Orbit.of(self.steps.velocity, side, self.width(settings), self.time, pace, omega)
 
-    def width(self, s: SettingsInSI) -> float:
+    def width(self, settings: SettingsInSI) -> float:
         """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
-        return max(s.width, s.gap + abs(self.steps.velocity[1]) * self.time / SIDEWAYS)
+        return max(settings.width, settings.gap + abs(self.steps.velocity[1]) * self.time / SIDEWAYS)
 
     def yaw(self, left: float) -> float:
         """Return the heading of a landing, rad, with the time that is left of the step, s."""

@@ -61,23 +61,14 @@ E² until then."""
 
 
 class Now(NamedTuple):
-    """The pendulum about the foot that stands, and the time that is left of the step.
+    """The pendulum about the foot that stands, and the time that is left of the step."""
 
-    Attributes:
-        dcm: ξ from the carrying point of the stance foot, ahead and outwards, m.
-        contact: The contact point with its shift taken off, z, m.
-        omega: Natural frequency ω, 1/s.
-        left: Time that is left of a step of the time T, s: τ*.
-        last: The same by the last solution: τ'.
-        shift: Shift of the centre of pressure by it, ahead and outwards, m: d'.
-    """
-
-    dcm: Point
-    contact: Point
-    omega: float
-    left: float
-    last: float
-    shift: Point = (0.0, 0.0)
+    dcm: Point  # ξ from the carrying point of the stance foot, ahead and outwards, m
+    contact: Point  # contact point z, with its shift taken off, m
+    omega: float  # natural frequency ω, 1/s
+    left: float  # time that is left of a step of the time T, s: τ*
+    last: float  # time that is left by the last solution, s: τ'
+    shift: Point = (0.0, 0.0)  # shift of the centre of pressure by the last solution, m: d'
 
     @property
     def run(self) -> Point:
@@ -100,19 +91,12 @@ class Wish(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Limits of one step.
+    """Limits of one step."""
 
-    Attributes:
-        places: Least and greatest place ahead and outwards, m.
-        area: The same of the shift of the centre of pressure.
-        next_area: Greatest shift of that of the next step, either way, m.
-        times: Least and greatest time that is left, s.
-    """
-
-    places: tuple[Point, Point]
-    area: tuple[Point, Point]
-    next_area: Point
-    times: tuple[float, float]
+    places: tuple[Point, Point]  # least and greatest place ahead and outwards, m
+    area: tuple[Point, Point]  # least and greatest shift of the centre of pressure, ahead and outwards, m
+    next_area: Point  # greatest shift of that of the next step, either way, m
+    times: tuple[float, float]  # least and greatest time that is left, s
 
     def is_past_far_edge(self, run: Point, margin: float) -> bool:
         """Return True if ξ runs away from the swing foot over the area's edge, past a margin, m: no pressure stops it.

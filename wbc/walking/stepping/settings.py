@@ -124,10 +124,7 @@ class AreaConstants:
     box: Box = (0.035, 0.067)  # of the centre of pressure about the commanded one: one stone gives no moment
     standing_box: Box = (0.59, 0.67)  # of the centre of pressure on both feet: what a sole holds on stones
     margin: Length = 0.026  # distance of the greatest area from the edges of the sole
-    trusted: Lengths = (
-        0.045,
-        0.065,
-    )  # half widths of soles whose area on rough ground counts not, and in full
+    trusted: Lengths = (0.045, 0.065)  # half widths of soles with no area, and all of it, on rough ground
     even: Lengths = (0.01, 0.03)  # heights between the feet up to which ground is level, and from which rough
     area_growth: Speed = 0.09  # growth of each edge on rough ground: the whole sole within a step
     level_growth: NonNegative = 4.0  # growth of the area that level ground adds, over that on rough ground

@@ -54,21 +54,13 @@ class SetOff(NamedTuple):
 
 @dataclass(slots=True)
 class OneStep:
-    """State of one step, from its lift-off on.
+    """State of one step, from its lift-off on."""
 
-    Attributes:
-        stood: Height of the foot that stands to which the expected ground belongs, m.
-        climbs: True for a landing on a stair, of footsteps or seen.
-        out: The first step out of a stand; None for a step that follows another one.
-        tilt: Pitch and roll of the landing, rad.
-        orbit: Offsets of ξ along footsteps, by the last decision; None for steps by a velocity.
-    """
-
-    stood: float
-    climbs: bool
-    out: SetOff | None
-    tilt: Point = (0.0, 0.0)
-    orbit: Orbit | None = None
+    stood: float  # height of the foot that stands to which the expected ground belongs, m
+    climbs: bool  # true for a landing on a stair, of footsteps or seen
+    out: SetOff | None  # the first step out of a stand; None for a step that follows another one
+    tilt: Point = (0.0, 0.0)  # pitch and roll of the landing, rad
+    orbit: Orbit | None = None  # offsets of ξ along footsteps by the last decision; None by a velocity
 
 
 class SingleSupport:
@@ -89,13 +81,11 @@ class SingleSupport:
     def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Make all parts."""
         settings, constants, scale, dt = values
-        self._s, self._law, self._felt, self._ground = settings, constants, felt, ground
+        self._settings, self._law, self._felt, self._ground = settings, constants, felt, ground
         self.course = FallCourse(scale, dt)
         self._period = max(1, round(constants.time.period / dt))  # of decisions, ticks
-        self._time_gain, self._level_gain = (
-            lag_gain(dt, constants.time.time_lag),
-            lag_gain(dt, constants.swing.level_lag),
-        )
+        self._time_gain = lag_gain(dt, constants.time.time_lag)
+        self._level_gain = lag_gain(dt, constants.swing.level_lag)
         self._shape = swing_shape(settings, constants)
         self.decision = StepDecision(values, ground)
         self.touch = SwingTouch(values, felt, ground)
@@ -156,7 +146,7 @@ class SingleSupport:
         if self.met is None:
             return False
         # A foot on the ground may wait: a late one as long as others.
-        waits = self.met + (self._s.longest - self.asked.touch_share(self._law)) * self.asked.time
+        waits = self.met + (self._settings.longest - self.asked.touch_share(self._law)) * self.asked.time
         late = self._felt.elapsed > max(self._longest, waits)
         patience, fast_share = self.asked.patience(self._law), self.asked.fast_share
         return self.touch.is_to_carry(self._axes(), self._orbit(), patience, fast_share, late=late)
@@ -241,7 +231,7 @@ class SingleSupport:
         """Decide the step by what stands now."""
         state, asked = self.step_state(), self.asked
         self.course.restart()
-        wish = asked.wish(state, self._s, self._law.area.carrying, self._pace)
+        wish = asked.wish(state, self._settings, self._law.area.carrying, self._pace)
         if asked.footsteps:
             self._one.orbit = orbit = Orbit.of_wish(wish.places, wish.offsets)
             state = state._replace(orbit=orbit)
@@ -250,8 +240,8 @@ class SingleSupport:
 
     def _step_time(self) -> float:
         """Return the time of the step, s: that which was decided, low-passed."""
-        s, decision, longest, nominal = self._s, self.decision, self._longest, self.asked.time
-        shortest = min(s.shortest, decision.end) if decision.closes else s.shortest
+        settings, decision, longest, nominal = self._settings, self.decision, self._longest, self.asked.time
+        shortest = min(settings.shortest, decision.end) if decision.closes else settings.shortest
         time = min(max(decision.end, shortest), longest)
         if self.swing is None:
             time = nominal if self.first else min(time, self._law.time.later * nominal)
@@ -322,7 +312,7 @@ class SingleSupport:
         """Return the orbit of the steps that are asked for."""
         if self._one.orbit is not None:
             return self._one.orbit
-        return self.asked.orbit(SIDE[self._felt.stance], self._s, self._pace, self._felt.dcm.omega)
+        return self.asked.orbit(SIDE[self._felt.stance], self._settings, self._pace, self._felt.dcm.omega)
 
     def _swinging(self) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
@@ -344,7 +334,7 @@ class SingleSupport:
     @property
     def _longest(self) -> float:
         """Longest time of this step, s."""
-        return self._s.longest * self.asked.time
+        return self._settings.longest * self.asked.time
 
     # ---- contact of the swing foot ------------------------------------------------------------------------------
 
@@ -356,7 +346,7 @@ class SingleSupport:
         if self.met is None:
             if touch.bears(self.duration) and not self.rubs(swing.landing):
                 self.met = elapsed
-                soon = ON_TIME * self._s.step_time
+                soon = ON_TIME * self._settings.step_time
                 return (touch_down(elapsed - self._touch_time(), soon, soon),)
         elif touch.loses(elapsed - self.met):
             self.met = None

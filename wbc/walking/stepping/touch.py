@@ -23,7 +23,7 @@ class SwingTouch:
     def __init__(self, values: GaitValues, felt: GaitState, ground: GroundEstimate) -> None:
         """Begin a step."""
         self._felt, self._ground = felt, ground
-        self._s, self._law, _, self._dt = values
+        self._settings, self._law, _, self._dt = values
         self._gain = lag_gain(self._dt, self._law.area.cop_lag)
         self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
         self.begin()
@@ -113,7 +113,7 @@ class SwingTouch:
         """Return True if the swing foot is no higher than the way over the ground asks for."""
         felt, places = self._felt, self._felt.state.places
         ground = max(places[felt.stance][2], self._ground.height)
-        return places[felt.swing][2] < ground + self._law.touch.low * self._s.swing_height
+        return places[felt.swing][2] < ground + self._law.touch.low * self._settings.swing_height
 
     def track(self, *, met: bool, at_edge: bool) -> None:
         """Take in a tick: where the foot in contact carries, and for how long the other one has carried nothing.
