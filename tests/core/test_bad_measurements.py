@@ -321,7 +321,7 @@ def test_measurements_that_all_changed_and_stand_at_once_are_frozen() -> None:
 @pytest.mark.parametrize("joint", by_default(["left_knee_joint", "left_elbow_joint"], "left_knee_joint"))
 def test_a_robot_stands_on_an_encoder_that_jumps_within_its_range_and_names_it(joint: str) -> None:
     """It is used once its joint could have come there; a tick that went on without it would stop the robot."""
-    plant = wbc.Plant("g1", control_period=0.004, noise="realistic", seed=1)
+    plant = wbc.Plant("g1", control_period=0.004, noise="realistic", seed=1, visuals=False)
     walking = WalkingControl(plant.description.robot(), None, 0.004, WalkingControlSettings(mode="torque"))
     walking.drives.watch()
     off, said = np.zeros(plant.robot.na), set()

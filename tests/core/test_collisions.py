@@ -11,7 +11,7 @@ import pytest
 from collision_layouts import MARGIN, panda
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import by_default, examples
+from properties import examples
 
 import wbc
 from wbc.base.errors import InputError
@@ -162,7 +162,7 @@ def test_no_pair_that_is_near_is_left_out() -> None:
     limit.bind(robot)
     rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
     seen = 0
-    for _ in range(30):
+    for _ in range(15):
         q = robot.half_sitting.copy()
         q[7:] = rng.uniform(robot.position_lower, robot.position_upper)
         ball.placement = pin.SE3(np.eye(3), robot.placement(arms[0]).translation + rng.uniform(-0.3, 0.3, 3))
@@ -176,11 +176,14 @@ def test_no_pair_that_is_near_is_left_out() -> None:
         assert lower[pairs][near] == pytest.approx(
             np.minimum(-distances[near] / 0.1, abs(rows[pairs][near]).sum(axis=1)), abs=1e-4
         )
-    assert seen > 50
+    assert seen > 25
 
 
-@pytest.mark.parametrize("way", by_default(["capsules", "hulls"], "hulls"))
-def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
+@pytest.mark.parametrize(
+    ("way", "ticks"),
+    [("hulls", 120), *(pytest.param(way, 240, marks=pytest.mark.slow) for way in ("hulls", "capsules"))],
+)
+def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
     """Along smooth motions and jumps, with obstacles that move: rows are those of measuring every pair at every tick.
 
     A row may be missing beyond the influence, or where its distance would have to shrink with more than 100 m/s².
@@ -236,7 +239,7 @@ def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
             place.follow(limit._geometry)
         return np.asarray(pin.integrate(robot.model, q, step * v))
 
-    q, v, ticks = robot.half_sitting.copy(), np.zeros(robot.nv), 240
+    q, v = robot.half_sitting.copy(), np.zeros(robot.nv)
     for tick in range(ticks):
         only = tick // 40 % 3  # all moves, or a joint alone, or the obstacles alone, which turn on the spot
         if tick % 40 == 0:
@@ -269,7 +272,7 @@ def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
         assert not rows[:pairs][~there].any()
         left_out, needed = left_out + int((~there & (here < influence)).sum()), needed + int(there.sum())
         q = move(q, v, dt)
-    assert left_out > 500 and needed > 200 and measured < 0.6 * ticks * pairs
+    assert left_out > 2 * ticks and needed > 0.8 * ticks and measured < 0.6 * ticks * pairs
 
 
 def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:

@@ -82,7 +82,9 @@ def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
     """
     stiff = mode == "position"
     machine = Machine(force_sensors=False, torque_sensors=stiff, payload=1.0)
-    trial = StandTrial(StandSpec(robot="g1", mode=mode, seconds=1.0, noise="realistic", machine=machine))  # type: ignore[arg-type]
+    trial = StandTrial(
+        StandSpec(robot="g1", mode=mode, seconds=1.0, noise="realistic", machine=machine), visuals=False
+    )  # type: ignore[arg-type]
     weight = 9.80665 * trial.plant.robot.mass
     for _ in range(100):
         trial.step()
@@ -119,7 +121,7 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
         plan=WalkPlan(distance=0.2),
         noise="realistic",
     )
-    trial = WalkTrial(spec)
+    trial = WalkTrial(spec, visuals=False)
     result = trial.run([contacts])
     assert result.fall is None and spec.chosen == "hybrid"
     seen, true = np.array(contacts.seen), np.array(contacts.true)

@@ -90,7 +90,7 @@ def thrown(
 ) -> tuple[Any, list[tuple[float, wbc.Command, Measurement, bool]]]:
     """Push a standing robot over; return its control; time, command, measurement and fall of every tick."""
     description = wbc.load_robot("g1")
-    plant = Plant(description, control_period=0.004, timestep=0.002)
+    plant = Plant(description, control_period=0.004, timestep=0.002, visuals=False)
     safety = SafetySettings(on_fall=on_fall)  # type: ignore[arg-type]
     control = KINDS[mode](wbc.balance_controller(description.robot(), 0.004), safety=safety)
     plant.push("torso_link", (150.0, 0.0, 0.0), 0.2)
@@ -151,7 +151,7 @@ def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> 
     second before it is lost, and a squat is no fall.
     """
     description, rng = wbc.load_robot(name), np.random.default_rng(5)
-    plant, outcomes = Plant(description, noise="realistic", control_period=0.002), []
+    plant, outcomes = Plant(description, noise="realistic", control_period=0.002, visuals=False), []
     torso = plant.robot.torso_frame
     for seed in range(12):
         plant.reset(seed=seed)

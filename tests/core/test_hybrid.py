@@ -289,7 +289,9 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["g1", "hrp4_class", "talos"])
 def test_a_robot_stands_in_hybrid_control_with_noisy_sensors(robot: str) -> None:
-    result = StandTrial(StandSpec(robot=robot, mode="hybrid", seconds=1.0, noise="realistic")).run()
+    result = StandTrial(
+        StandSpec(robot=robot, mode="hybrid", seconds=1.0, noise="realistic"), visuals=False
+    ).run()
     assert result.upright and result.failures == 0
     assert result.com_error < 0.015
 

@@ -55,7 +55,7 @@ def run(plant: wbc.Plant, control: wbc.Control, seconds: float) -> wbc.Command:
 
 
 def test_a_law_that_fails_is_held_and_then_stopped_until_the_control_begins_anew() -> None:
-    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    plant, control = wbc.Plant(HRP4, control_period=DT, visuals=False), Held()
     stands = run(plant, control, 0.5)
     assert control.status() == "ok" and control.fallen is None and stands.kp is not None
     control.broken = True
@@ -79,7 +79,7 @@ def test_the_command_of_a_law_is_held_where_it_is_not_of_the_gate(
     drives: type[wbc.PositionControl | wbc.TorqueControl | wbc.HybridControl], gains: bool, references: bool
 ) -> None:
     """Neither gate nor drives know the references and torques of a law that makes its commands alone."""
-    control, measured = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    control, measured = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
     control.drives = drives(wbc.balance_controller(HRP4.robot(), DT))  # type: ignore[assignment]
     servos = dict(zip(("kp", "kd"), control.gains, strict=True)) if gains and references else {}
     position = control.rest + 0.001 if references else None
@@ -118,14 +118,14 @@ def test_a_law_is_not_asked_in_a_tick_that_has_failed_by_its_measurement() -> No
 
 @pytest.mark.parametrize("law", [lambda state: None, lambda state: wbc.Command(np.zeros(3))])
 def test_a_law_whose_commands_are_none_is_stopped(law: Any) -> None:
-    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    plant, control = wbc.Plant(HRP4, control_period=DT, visuals=False), Held()
     control.law = law  # type: ignore[method-assign]
     run(plant, control, 0.2)
     assert control.drives.stopped
 
 
 def test_a_command_of_a_law_that_has_a_wrong_shape_is_not_held() -> None:
-    own, plant = Held(), wbc.Plant(HRP4, control_period=DT)
+    own, plant = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False)
     na, m = plant.robot.na, plant.measure()
     state = own.drives.estimate(m)
     good = own.drives.relay(state, lambda _: wbc.Command(np.full(na, 1.0)))
@@ -143,7 +143,7 @@ def test_a_command_of_a_law_that_has_a_wrong_shape_is_not_held() -> None:
 @pytest.mark.parametrize("gains", [True, False])
 def test_torques_of_a_law_are_within_the_limits_of_the_robot(gains: bool) -> None:
     """Of the law itself and of the servos that it asks for, now and while its command is held."""
-    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
     kp, limit = np.full(HRP4.robot().na, 1e3), own.drives.controller.robot.torque_limit
     far = wbc.Command(1e5 + own.none, own.rest + 50.0, own.none, kp=kp, kd=own.none)
     state, own_state = own.drives.estimate(m), (m.joint_position, m.joint_velocity)
@@ -159,7 +159,7 @@ def test_torques_of_a_law_are_within_the_limits_of_the_robot(gains: bool) -> Non
 
 
 def test_joints_that_a_law_has_clipped_by_the_gate_itself_are_told() -> None:
-    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
     own.rest = own.rest.copy()
     own.rest[3] += 1.0  # faster than the joint
     own.command(m)
@@ -167,14 +167,14 @@ def test_joints_that_a_law_has_clipped_by_the_gate_itself_are_told() -> None:
 
 
 def test_a_law_with_a_negative_gain_fails_the_tick() -> None:
-    own, m = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
     wrong = wbc.Command(own.none, own.rest, own.none, kp=own.none - 5.0, kd=own.none)
     sent = own.drives.relay(own.drives.estimate(m), lambda _: wrong)
     assert "kp of joint" in own.drives.reason and sent.kp is None
 
 
 def test_joints_of_a_torque_alone_are_damped_while_the_command_of_a_law_is_held() -> None:
-    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    plant, control = wbc.Plant(HRP4, control_period=DT, visuals=False), Held()
     for gain in control.gains:
         gain[-1] = 0.0
     sent = run(plant, control, 0.1)
@@ -186,7 +186,7 @@ def test_joints_of_a_torque_alone_are_damped_while_the_command_of_a_law_is_held(
 
 
 def test_joints_that_are_released_are_not_in_the_command_of_a_law() -> None:
-    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    plant, control = wbc.Plant(HRP4, control_period=DT, visuals=False), Held()
     released = control.drives.release(HRP4.joint_names[-2:])
     command = run(plant, control, 0.02)
     assert released is not None and command.released is not None and command.kp is not None
@@ -202,7 +202,7 @@ def test_a_program_is_a_control_that_hands_all_on() -> None:
     assert program.acting is control and program.drives is control.drives and program.dt == DT
     program.see(None)
     assert control.seen == 1
-    trial = Trial(wbc.Plant(HRP4, control_period=DT), program)
+    trial = Trial(wbc.Plant(HRP4, control_period=DT, visuals=False), program)
     with trial.running():
         trial.advance(0.2)
     assert program.ended and trial.drives is control.drives and program.status() == control.status() == "ok"
@@ -211,18 +211,18 @@ def test_a_program_is_a_control_that_hands_all_on() -> None:
 def test_a_walk_is_reset_before_its_first_tick_alone() -> None:
     walking = wbc.WalkingControl(HRP4.robot(), None, DT)
     q = walking.controller.robot.half_sitting.copy()
-    q[0] += 0.3
+    q[0] += 0.05
     walking.reset(q)
     assert walking.drives.observer.robot.q[0] == pytest.approx(q[0]) and not walking.restarts
-    walking.command(wbc.Plant(HRP4, control_period=DT).measure())
+    walking.command(wbc.Plant(HRP4, control_period=DT, visuals=False).measure())
     with pytest.raises(InputError, match="anew"):
         walking.reset()
 
 
 REFUSED: list[tuple[Callable[[], object], type[Exception]]] = [
-    (lambda: wbc.Control().command(wbc.Plant(HRP4).measure()), NotImplementedError),
-    (lambda: Trial(wbc.Plant(HRP4, control_period=DT), math.sqrt), InputError),  # type: ignore[arg-type]
-    (lambda: Trial(wbc.Plant(HRP4, control_period=0.002), Held()), InputError),
+    (lambda: wbc.Control().command(wbc.Plant(HRP4, visuals=False).measure()), NotImplementedError),
+    (lambda: Trial(wbc.Plant(HRP4, control_period=DT, visuals=False), math.sqrt), InputError),  # type: ignore[arg-type]
+    (lambda: Trial(wbc.Plant(HRP4, control_period=0.002, visuals=False), Held()), InputError),
     (lambda: Program(StateMachine("m", [Behaviour("a", timeout=1.0)]), wbc.Control()), InputError),
     (lambda: Runner(math.sqrt, Held()), InputError),  # type: ignore[arg-type]
 ]

@@ -158,7 +158,7 @@ def test_a_sensor_that_fails_now_and_then_is_logged_once(caplog: pytest.LogCaptu
 
 @pytest.mark.parametrize("signs", [(1, -1), (-1, -1), (1, 1)])
 def test_a_force_sensor_with_the_other_sign_is_named_and_the_robot_stands_on(signs: tuple[int, int]) -> None:
-    plant = Plant("g1", control_period=0.002)
+    plant = Plant("g1", control_period=0.002, visuals=False)
     control = TorqueControl(balance_controller(plant.description.robot(), 0.002))
     while plant.time < 0.3:
         measured = plant.measure()

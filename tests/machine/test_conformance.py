@@ -55,7 +55,7 @@ GOOD: dict[str, tuple[Callable[[], Any], set[str] | None]] = {
     **{f"noise, {name}": (lambda name=name: plant(wbc.load_robot(name), control_period=0.002, noise="realistic"), None) for name in ("hrp4_class", "talos", "g1")},
     **{f"of {kind}": (lambda kind=kind: MujocoLoop(HRP4, foreign_model(HRP4, kind), prefix="mine/"), set()) for kind in ("motor", "position", "none")},
     "stated delay": (lambda: Wrapped(plant(), late=2), None),
-    "without force sensors": (lambda: MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model, control_period=PERIOD, machine=Machine(force_sensors=False, torque_sensors=True)), {"weight", "sides", "wrench frame"}),
+    "without force sensors": (lambda: MujocoLoop(DESCRIPTION, Plant(DESCRIPTION, visuals=False).model, control_period=PERIOD, machine=Machine(force_sensors=False, torque_sensors=True)), {"weight", "sides", "wrench frame"}),
 }  # fmt: skip
 """Name → loop without a fault, and what is unknown of it, where that is known."""
 
@@ -226,7 +226,7 @@ class Buzzing:
     description, control_period = DESCRIPTION, PERIOD
 
     def __init__(self, step: float, armature: float) -> None:
-        model = Plant(DESCRIPTION, timestep=step).model
+        model = Plant(DESCRIPTION, timestep=step, visuals=False).model
         model.actuator_biastype[:], model.actuator_biasprm[:], model.actuator_ctrllimited[:] = 0, 0.0, 0
         model.actuator_gainprm[:, 0] = 1.0
         model.opt.integrator, model.dof_armature[6:] = mujoco.mjtIntegrator.mjINT_EULER, armature

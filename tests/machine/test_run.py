@@ -275,7 +275,7 @@ def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and
 @cache
 def standing() -> Measurement:
     """Measurement of a robot that stands on its servos, with the torques of its drives."""
-    plant = Plant(DESCRIPTION, control_period=PERIOD, machine=Machine(torque_sensors=True))
+    plant = Plant(DESCRIPTION, control_period=PERIOD, machine=Machine(torque_sensors=True), visuals=False)
     for _ in range(150):
         plant.step(plant.hold())
     return plant.measure()

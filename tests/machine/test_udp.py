@@ -365,7 +365,7 @@ def test_a_command_that_no_drive_must_get_damps_and_its_sender_is_named(
 
 
 def test_a_server_damps_on_a_bad_command_of_any_wire_and_goes_on() -> None:
-    loop = MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model, control_period=0.005)
+    loop = MujocoLoop(DESCRIPTION, Plant(DESCRIPTION, visuals=False).model, control_period=0.005)
     given: list[Any] = [loop.hold()]
     server = RobotServer(loop, types.SimpleNamespace(receive=lambda: (False, given[-1]), send=lambda _: None))
     server.step()

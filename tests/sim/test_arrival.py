@@ -92,6 +92,6 @@ class Carry(TrialHook):
 def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
     quick = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
     spec = WalkSpec(plan=WalkPlan(distance=0.1), noise="none", gait=quick)
-    result = WalkTrial(spec).run([Carry(0.6, 0.7, back=1.4)])
+    result = WalkTrial(spec, visuals=False).run([Carry(0.6, 0.7, back=1.4)])
     assert result.outcome == "strayed" and not result.fell and result.steps_done == result.steps_planned
     assert (result.goal_error, result.track_error) == pytest.approx((0.0, 0.6), abs=0.03)

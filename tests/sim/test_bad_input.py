@@ -109,12 +109,12 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: SharedPlant({"a": "hrp4_class"}, places={"a": (0.0, 0.0, 180.0)}), "rad"),
     ],
     "a name, a description, a robot": [
-        (lambda: Plant(plant().robot), "load_robot"),  # type: ignore[arg-type]
-        (lambda: Plant("hrp5_class"), "hrp4_class"),
+        (lambda: Plant(plant().robot, visuals=False), "load_robot"),  # type: ignore[arg-type]
+        (lambda: Plant("hrp5_class", visuals=False), "hrp4_class"),
         (lambda: SharedPlant({"a": plant().robot}), "load_robot"),  # type: ignore[dict-item]
         (lambda: walk("g1"), "robot='g1'"),  # type: ignore[arg-type]
         (lambda: stand(load("g1")), "robot='g1'"),  # type: ignore[arg-type]
-        (lambda: Plant("hrp4_class", foot=foot), "Foot"),  # type: ignore[arg-type]
+        (lambda: Plant("hrp4_class", foot=foot, visuals=False), "Foot"),  # type: ignore[arg-type]
     ],
     "ground": [
         (lambda: terrain("stones", smallest=0.2), "smallest"),
@@ -168,7 +168,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: WalkSpec(control_period=1e308), r"control_period \(s\)"),
         (lambda: WalkSpec(timestep=1e-300), r"timestep \(s\)"),
         (
-            lambda: Plant("hrp4_class", physics=PhysicsSettings(timestep=0.003)),
+            lambda: Plant("hrp4_class", physics=PhysicsSettings(timestep=0.003), visuals=False),
             "multiple of the physics step 0.003",
         ),
         (lambda: WalkSpec(changes={"margin": 0.01}), "distribution.margin"),

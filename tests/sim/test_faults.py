@@ -164,7 +164,7 @@ def test_nothing_is_doubted_of_good_sensors_in_walks_of_the_studies(name: str, n
 def test_nothing_is_doubted_of_good_sensors_of_a_robot_that_is_punched(seed: int, noise: str) -> None:
     """On any link, in any direction, in every other run while it walks; of a robot that falls, until then."""
     description, rng = load("g1"), np.random.default_rng(seed)
-    plant = Plant(description, noise=noise, seed=seed, control_period=0.002)
+    plant = Plant(description, noise=noise, seed=seed, control_period=0.002, visuals=False)
     settings = WalkingControlSettings(mode="torque")
     walking = WalkingControl(description.robot(), None, plant.control_period, settings)
     monitor, times, found = walking.drives.watch(), (0.5, 1.8, 3.1, 4.4), []
@@ -212,7 +212,7 @@ def test_other_masses_and_infeasible_tasks_get_no_wild_command(name: str, task: 
 @cache
 def controls() -> tuple[Any, Measurement]:
     description = load("hrp4_class")
-    plant = Plant(description, machine=Machine(torque_sensors=True, hand_sensors=True))
+    plant = Plant(description, machine=Machine(torque_sensors=True, hand_sensors=True), visuals=False)
     position = PositionControl(balance_controller(description.robot(), plant.control_period))
     torque = TorqueControl(balance_controller(description.robot(), plant.control_period))
     return (position, torque), plant.measure()
@@ -268,7 +268,7 @@ def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.Da
 )
 def test_an_accelerometer_that_points_elsewhere_is_named_and_left_out(robot: str, change: Any) -> None:
     """For 100 ms, in position control; before and after it nothing is refused."""
-    stand = StandTrial(StandSpec(robot=robot, mode="position", seconds=2.0, noise="realistic"))
+    stand = StandTrial(StandSpec(robot=robot, mode="position", seconds=2.0, noise="realistic"), visuals=False)
     named = []
     while stand.plant.time < 2.0:
         measurement = stand.plant.measure()
@@ -284,7 +284,9 @@ def test_an_accelerometer_that_points_elsewhere_is_named_and_left_out(robot: str
 @pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
 def test_a_gyroscope_that_is_off_about_the_vertical_is_named_in_a_stand(mode: Any) -> None:
     """By 0.6 rad/s: both feet seem to turn alike. The jump looks like a push, so it is named once that is over."""
-    stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=1.8, noise="realistic"))
+    stand = StandTrial(
+        StandSpec(robot="hrp4_class", mode=mode, seconds=1.8, noise="realistic"), visuals=False
+    )
     monitor, named = stand.control.watch(), list[float]()
     while stand.plant.time < 1.8 and not named:
         measurement = stand.plant.measure()
@@ -299,7 +301,7 @@ def test_a_gyroscope_that_is_off_about_the_vertical_is_named_in_a_stand(mode: An
 
 
 def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() -> None:
-    stand = StandTrial(StandSpec(robot="g1", mode="torque", seconds=3.0))
+    stand = StandTrial(StandSpec(robot="g1", mode="torque", seconds=3.0), visuals=False)
     said: list[float] = []
     stand.plant.push("base", (120.0, 0.0, 0.0), 0.4)
     while stand.plant.time < 3.0 and stand.plant.truth().com[2] > 0.4:

@@ -256,7 +256,9 @@ def test_a_loaded_sole_does_not_creep_under_half_of_its_friction() -> None:
 def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) -> None:
     """Servos change the metric in which the contacts are solved, and not the floor."""
     description = wbc.load_robot("g1")
-    plant = wbc.Plant(description, terrain=terrain("flat", floor_stiffness=STIFFNESS), control_period=0.005)
+    plant = wbc.Plant(
+        description, terrain=terrain("flat", floor_stiffness=STIFFNESS), control_period=0.005, visuals=False
+    )
     kind = wbc.PositionControl if mode == "position" else wbc.TorqueControl
     control = kind(wbc.balance_controller(description.robot(), plant.control_period))
     while plant.time < 1.0:
@@ -284,7 +286,7 @@ def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None
     """Its weight over stiffness and area of both soles; it then sinks as little as on a rigid floor, by its servos."""
     moved = {}
     for floor in (None, stiffness):
-        plant = wbc.Plant("g1", foot=name, terrain=terrain("flat", floor_stiffness=floor))
+        plant = wbc.Plant("g1", foot=name, terrain=terrain("flat", floor_stiffness=floor), visuals=False)
         start, height = float(plant.sole_pose(0)[0][2]), plant.base_pose[2]
         while plant.time < 0.3:
             plant.step(plant.hold())
@@ -299,7 +301,7 @@ def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None
 def test_a_robot_on_stones_under_a_soft_layer_starts_with_its_weight_on_them(name: str) -> None:
     """Its points touch at different heights: the sum of their springs is the weight."""
     ground = terrain("stones", amplitude=0.02, seed=3, ramp=0.0, start=-1.0, floor_stiffness=3e6)
-    plant = wbc.Plant("g1", foot=name, terrain=ground)
+    plant = wbc.Plant("g1", foot=name, terrain=ground, visuals=False)
     force = 0.0
     for built in plant.feet:
         geoms = np.array([plant.model.geom(point).id for point in built.contact_geoms])
@@ -313,7 +315,7 @@ def test_a_robot_on_stones_under_a_soft_layer_starts_with_its_weight_on_them(nam
 
 def test_a_robot_with_one_point_on_rigid_ground_starts_on_it() -> None:
     beside = (None, None, 0.0, None, "stiffness", 1e6)  # under the left foot alone
-    plant = wbc.Plant("g1", terrain=terrain("flat", areas=beside))
+    plant = wbc.Plant("g1", terrain=terrain("flat", areas=beside), visuals=False)
     assert plant.sole_pose(0)[0][2] == pytest.approx(0.0, abs=2e-6)
 
 
@@ -321,7 +323,10 @@ def test_a_robot_with_one_point_on_rigid_ground_starts_on_it() -> None:
     "area", [("speed", 0.1), ("friction", 0.1), ("stiffness", 3e6)], ids=lambda area: area[0]
 )
 def test_a_plant_begins_anew_as_at_first_on_any_area(area: tuple[str, float]) -> None:
-    plant, runs = wbc.Plant("g1", terrain=terrain("flat", areas=(0.05, None, None, None, *area))), []
+    plant, runs = (
+        wbc.Plant("g1", terrain=terrain("flat", areas=(0.05, None, None, None, *area)), visuals=False),
+        [],
+    )
     for _ in range(2):
         plant.reset()
         while plant.time < 0.1:

@@ -47,7 +47,7 @@ def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
 def test_contact_forces_in_the_data_are_those_of_the_truth_or_none(kind: str) -> None:
     """A robot comes down on its toes and back: contacts come and go between ticks, and `mj_contactForce` reads them."""
     if kind == "plant":
-        plant: Plant | MujocoLoop = Plant("hrp4_class", control_period=0.002)
+        plant: Plant | MujocoLoop = Plant("hrp4_class", control_period=0.002, visuals=False)
     else:
         plant = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
     control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
@@ -146,7 +146,7 @@ def test_joints_that_are_not_described_and_that_nothing_holds_are_named_at_the_s
     locked = wbc.RobotDescription.from_urdf(
         whole.urdf, left_sole=left, right_sole=right, lock=lock, name="g1_26"
     )
-    model = Plant(whole).model
+    model = Plant(whole, visuals=False).model
     model.actuator_biastype[:], model.actuator_biasprm[:] = 0, 0.0  # motors
     note = next(note for note in MujocoLoop(locked, model).notes if "not in the description" in note)
     assert all(name in note for name in names) and note in caplog.text
@@ -170,7 +170,7 @@ def test_every_integrator_and_a_gear(integrator: str) -> None:
 def test_a_torque_acts_in_full_on_a_joint_with_a_servo(integrator: str) -> None:
     speeds = []
     for bias in (mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtBias.mjBIAS_NONE):
-        model = Plant(DESCRIPTION, physics=PhysicsSettings(gravity=0.0)).model
+        model = Plant(DESCRIPTION, physics=PhysicsSettings(gravity=0.0), visuals=False).model
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         model.actuator_biastype[:] = int(bias)
         loop = MujocoLoop(DESCRIPTION, model, control_period=0.005)
@@ -189,7 +189,7 @@ def test_a_torque_acts_in_full_on_a_joint_with_a_servo(integrator: str) -> None:
 
 def test_measurements_are_those_of_the_plant() -> None:
     """The plant of this library, wrapped as somebody else's, is measured as it measures itself."""
-    plant = Plant(DESCRIPTION, foot="flat", control_period=0.001)
+    plant = Plant(DESCRIPTION, foot="flat", control_period=0.001, visuals=False)
     push = [60.0, 30.0, 0.0]
     control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), 0.001))
     plant.push("torso", push, 0.3)
@@ -265,7 +265,7 @@ def test_a_model_of_another_robot_is_refused() -> None:
         ({"gyroscope": "gyro"}, "sensor"),
         ({"gyroscope": PREFIX + "acc"}, "gyroscope"),
         ({"control_period": 0.0015}, "multiple"),
-        ({"data": Plant(DESCRIPTION).data}, "data"),
+        ({"data": Plant(DESCRIPTION, visuals=False).data}, "data"),
     )
     for options, named in bad:
         with pytest.raises((InputError, UnknownNameError), match=named):

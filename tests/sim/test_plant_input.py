@@ -27,7 +27,7 @@ FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 
 @pytest.fixture(scope="module")
 def plant() -> Plant:
-    return Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    return Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False)
 
 
 def with_nan(array: np.ndarray[Any, Any], place: int = 3) -> np.ndarray[Any, Any]:
@@ -37,8 +37,8 @@ def with_nan(array: np.ndarray[Any, Any], place: int = 3) -> np.ndarray[Any, Any
 
 
 def test_refuses_bad_commands_without_moving() -> None:
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
-    twin = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False)
+    twin = Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False)
     na, good = plant.robot.na, plant.hold()
     zero, position = good.joint_torque, good.joint_position
     assert position is not None
@@ -105,7 +105,7 @@ def test_a_torque_limit_that_stands_for_none_is_derived_and_doubted(effort: str)
     robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
     assert 10.0 < robot.torque_limit[0] < 1000.0
     assert any("torque limits" in line for line in robot.doubts())
-    plant = Plant(robot, foot=FEW_SPHERES)
+    plant = Plant(robot, foot=FEW_SPHERES, visuals=False)
     plant.step(Command(np.full(robot.robot().na, 1e5)))
     assert abs(plant.model.actuator_forcerange[0]).max() == robot.torque_limit[0]
 
@@ -116,7 +116,7 @@ def test_a_plant_takes_the_name_of_a_robot_and_refuses_a_quaternion_that_is_none
     for length in (0.0, 1.1, 0.9):
         q = np.array(plant.robot.half_sitting)
         q[3:7] *= length
-        for pose in (plant.reset, lambda q: Plant("hrp4_class", initial_configuration=q)):
+        for pose in (plant.reset, lambda q: Plant("hrp4_class", initial_configuration=q, visuals=False)):
             with pytest.raises(InputError, match="quaternion"):
                 pose(q)
     np.testing.assert_array_equal(plant.data.qpos, before)

@@ -49,7 +49,7 @@ def state_in_the_air(plant: Plant, rng: np.random.Generator, speed: float) -> tu
 
 @pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
-    plant = Plant(load(name), foot="rigid")
+    plant = Plant(load(name), foot="rigid", visuals=False)
     model = plant.model
     feet = sum(foot.fit.mass for foot in plant.feet)
     assert model.body_mass.sum() == pytest.approx(plant.robot.mass + feet, rel=1e-12)
@@ -64,7 +64,7 @@ def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
 @pytest.mark.parametrize("times_limit", [0.5, 10.0])
 def test_torque_control_moves_as_pinocchio_says(name: str, times_limit: float) -> None:
     """Pinocchio's inverse dynamics of the motion give back the torque, cut off at the limit, and no base wrench."""
-    plant = Plant(load(name), control_period=1e-5, timestep=1e-5, foot=FEW_SPHERES)
+    plant = Plant(load(name), control_period=1e-5, timestep=1e-5, foot=FEW_SPHERES, visuals=False)
     robot, rng = plant.robot, np.random.default_rng(1)
     data = robot.model.createData()
     for _ in range(3):
@@ -83,7 +83,7 @@ def test_torque_control_moves_as_pinocchio_says(name: str, times_limit: float) -
 
 @pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
-    plant = Plant(load(name), control_period=0.001, physics=IN_SPACE, foot=FEW_SPHERES)
+    plant = Plant(load(name), control_period=0.001, physics=IN_SPACE, foot=FEW_SPHERES, visuals=False)
     robot, description, rng = plant.robot, plant.description, np.random.default_rng(2)
     limited = 0
     for error in (1e-4, 1e-2, 0.3):
@@ -106,7 +106,8 @@ def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
 def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: str) -> None:
     """Eight or nine spheres a sole: the same corners, levers of friction within 12 %, and the same rest under load."""
     few, all_of_them = (
-        Plant(load(name), foot=foot, physics=PhysicsSettings(few_contacts=value)) for value in (True, False)
+        Plant(load(name), foot=foot, physics=PhysicsSettings(few_contacts=value), visuals=False)
+        for value in (True, False)
     )
     sole = few.feet[0].fit.sole
     for plant in (few, all_of_them):
@@ -132,7 +133,7 @@ def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: 
 
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
     """Mass times (dv/dt + g) is the sum of the contact forces in every physics step of a landing."""
-    plant = Plant(load("hrp4_class"), control_period=0.001, foot=FEW_SPHERES)
+    plant = Plant(load("hrp4_class"), control_period=0.001, foot=FEW_SPHERES, visuals=False)
     q = plant.on_ground(plant.robot.half_sitting)
     q[2] += 0.01
     plant.reset(q)
@@ -152,7 +153,7 @@ def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
 
 def test_reset_puts_the_soles_on_rough_ground() -> None:
     ground = terrain("stones", amplitude=0.03, seed=3, start=-1.0)
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=ground)
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=ground, visuals=False)
     rng = np.random.default_rng(0)
     gaps = []
     for i, foot in enumerate(plant.feet):
@@ -168,7 +169,7 @@ def test_reset_puts_the_soles_on_rough_ground() -> None:
 @pytest.mark.parametrize("duration", [0.02, 0.0123, 0.0004])
 def test_a_push_gives_its_impulse(duration: float) -> None:
     """Floating in space, the momentum after pushes is their impulse, for any duration and several at a time."""
-    plant = Plant(load("hrp4_class"), physics=IN_SPACE, foot=FEW_SPHERES)
+    plant = Plant(load("hrp4_class"), physics=IN_SPACE, foot=FEW_SPHERES, visuals=False)
     q, _ = state_in_the_air(plant, np.random.default_rng(3), 0.0)
     plant.reset(q)
     force, other = np.array([30.0, -20.0, 10.0]), np.array([0.0, 40.0, 5.0])
@@ -184,7 +185,14 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
 
 def test_a_push_acts_where_it_is_told() -> None:
     """About the point of attack the angular momentum stays zero; about the centre of mass it is r × F t."""
-    plant = Plant(load("hrp4_class"), physics=IN_SPACE, timestep=1e-4, control_period=1e-4, foot=FEW_SPHERES)
+    plant = Plant(
+        load("hrp4_class"),
+        physics=IN_SPACE,
+        timestep=1e-4,
+        control_period=1e-4,
+        foot=FEW_SPHERES,
+        visuals=False,
+    )
     robot = plant.robot
     frame, at, force = robot.soles[0].frame, np.array([0.05, 0.02, 0.0]), np.array([5.0, 7.0, -3.0])
     q, _ = state_in_the_air(plant, np.random.default_rng(4), 0.0)
@@ -203,7 +211,7 @@ def test_a_push_acts_where_it_is_told() -> None:
 
 def test_a_load_moves_the_centre_of_mass_of_all_bodies_above_it() -> None:
     """MuJoCo's centre of mass of a subtree is the mean of its bodies, whose masses have changed, weighted by mass."""
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False)
     model, data = plant.model, plant.data
     before = model.body_subtreemass.copy()
     plant.load("torso", 5.0, at=[0.1, 0.0, 0.2])
@@ -238,7 +246,7 @@ def point_inertia(mass: float, place: Array) -> Array:
 
 
 def test_a_load_comes_evenly_in_its_time_and_is_a_point_where_it_is_put() -> None:
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False)
     model = plant.model
     body, place = plant.places.carrier("torso")
     at, compiled = np.array([0.1, -0.05, 0.2]), [model.body_mass.copy(), model.body_inertia.copy()]
@@ -277,8 +285,8 @@ def _is_below(body: int, root: int, parents: Any) -> bool:
 
 def test_control_period_changes_nothing_but_the_rhythm() -> None:
     """The same command, held: five ticks of one step are one tick of five steps, bit for bit."""
-    fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES)
-    slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES)
+    fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES, visuals=False)
+    slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES, visuals=False)
     assert (fast.steps, slow.steps) == (1, 5)
     for tick in range(1, 101):
         fast.step(fast.hold())
@@ -292,12 +300,12 @@ def test_control_period_changes_nothing_but_the_rhythm() -> None:
 def test_joints_have_the_damping_and_friction_of_their_file() -> None:
     description = RobotDescription.from_mjcf(EXAMPLE)
     for friction in (0.0, 0.3):
-        model = Plant(description, machine=Machine(friction=friction)).model
+        model = Plant(description, machine=Machine(friction=friction), visuals=False).model
         for name in description.joint_names:
             dof = int(model.joint(name).dofadr[0])
             assert model.dof_damping[dof] == description.damping[name] == 0.2
             assert model.dof_frictionloss[dof] == pytest.approx(0.1 + friction)
-    assert not Plant(load("g1")).model.dof_damping.any()
+    assert not Plant(load("g1"), visuals=False).model.dof_damping.any()
 
 
 def test_a_payload_is_in_the_torso() -> None:

@@ -77,6 +77,7 @@ def test_imu_and_encoders_agree_with_pinocchio(name: str, gravity: float) -> Non
         control_period=1e-6,
         foot=FEW_SPHERES,
         physics=PhysicsSettings(gravity=gravity),
+        visuals=False,
     )
     robot, rng = plant.robot, np.random.default_rng(0)
     model, data = robot.model, robot.model.createData()
@@ -107,7 +108,7 @@ def test_imu_and_encoders_agree_with_pinocchio(name: str, gravity: float) -> Non
 @pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
 def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
     """The force sensor (internal forces of the tree) against the sum over contact points, while swaying."""
-    plant = Plant(load(name), foot=FEW_SPHERES, control_period=0.001)
+    plant = Plant(load(name), foot=FEW_SPHERES, control_period=0.001, visuals=False)
     loads = []
     for tick in range(100):
         plant.step(swaying(plant, tick))
@@ -119,8 +120,8 @@ def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
 
 def test_forces_are_means_over_the_control_period() -> None:
     """A plant that samples five times as often, averaged; and impulse is change of momentum with nothing missing."""
-    slow = Plant(load("g1"), foot=FEW_SPHERES)
-    fast = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    slow = Plant(load("g1"), foot=FEW_SPHERES, visuals=False)
+    fast = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001, visuals=False)
     for tick in range(20):
         command, wrenches, accelerations = swaying(slow, tick), [], []
         slow.step(command)
@@ -154,9 +155,9 @@ def run(plant: Plant, ticks: int, *, look: bool = False) -> Array:
 
 
 def test_one_seed_repeats_everything_bit_for_bit() -> None:
-    first = Plant(load("hrp4_class"), noise="realistic", seed=7)
+    first = Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False)
     once = run(first, 40)
-    again = run(Plant(load("hrp4_class"), noise="realistic", seed=7), 40, look=True)
+    again = run(Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False), 40, look=True)
     assert once.tobytes() == again.tobytes()
     first.reset()
     assert once.tobytes() == run(first, 40).tobytes()
@@ -286,8 +287,8 @@ def test_latency_shows_the_past(ages: dict[str, int], rounded_down: float) -> No
     late_by = {name: SignalNoise(latency=0.001 * age - rounded_down) for name, age in ages.items() if age}
     wrench = late_by.pop("sole_wrench", SignalNoise())
     noise = SensorNoise(**late_by, sole_force=wrench, sole_moment=wrench)
-    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise)
-    fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001)
+    late = Plant(load("g1"), foot=FEW_SPHERES, noise=noise, visuals=False)
+    fresh = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001, visuals=False)
     past = [fresh.measure()]
     for tick in range(8):
         if tick == 3:
@@ -332,8 +333,12 @@ def test_hinges_of_another_stiffness_keep_their_damping_in_the_plant_as_in_the_r
 def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
     """From one bent state: a plant told to be stiff against a plant that was built stiff."""
     actuator = StiffnessActuator.instantaneous()
-    told = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=5.0, actuator=actuator))
-    built = Plant(load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=60.0, actuator=actuator))
+    told = Plant(
+        load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=5.0, actuator=actuator), visuals=False
+    )
+    built = Plant(
+        load("hrp4_class"), foot=VariableStiffnessFoot(stiffness=60.0, actuator=actuator), visuals=False
+    )
     for tick in range(30):
         told.step(swaying(told, tick))
     for name in ("qpos", "qvel", "qacc_warmstart"):

@@ -38,7 +38,7 @@ STAIRS = {
 DRIVE = ((0.0, 0.2, 0.0, 0.0), (1.5, 0.1, 0.05, 0.3), (3.0, 0.0, 0.0, 0.0))
 PUSH = WalkPush(time=2.0, impulse=0.1, direction=1.2)
 
-BEGINNINGS = {"stand hrp4_class": 40, "walk hrp4_class stones": 150, "walk g1 free": 120}
+BEGINNINGS = {"stand hrp4_class": 20, "walk hrp4_class stones": 60, "walk g1 free": 60}
 """Runs of which the default tests make the beginning, and how many commands of it."""
 
 

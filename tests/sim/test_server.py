@@ -37,7 +37,7 @@ class Wire:
 
 @pytest.fixture
 def loop() -> MujocoLoop:
-    return MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model, control_period=0.005)
+    return MujocoLoop(DESCRIPTION, Plant(DESCRIPTION, visuals=False).model, control_period=0.005)
 
 
 def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(loop: MujocoLoop) -> None:

@@ -110,7 +110,7 @@ def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
     other = foot(name)
     description = with_feet(load("hrp4_class"), other)
     assert with_feet(description, other) == description
-    plant = Plant(description, foot=other)
+    plant = Plant(description, foot=other, visuals=False)
     robot = description.robot()
     robot.update(plant.truth().q, np.zeros(robot.nv))
     for sole, built in zip(robot.soles, plant.feet, strict=True):
@@ -126,7 +126,7 @@ def test_a_controller_may_know_the_masses_of_the_feet(name: str) -> None:
     other, q = foot(name), load("hrp4_class").robot().half_sitting
     description = with_feet(load("hrp4_class"), other, mass=True)
     assert with_feet(description, other, mass=True) == description
-    robot, plant = description.robot(), Plant(load("hrp4_class"), foot=other)
+    robot, plant = description.robot(), Plant(load("hrp4_class"), foot=other, visuals=False)
     plant.reset(q)
     model, data = plant.model, plant.data
     root = model.body_rootid[model.site_bodyid[plant.sole_sites[0]]]
@@ -446,7 +446,7 @@ def scaled_biped(share: float, effort: float = 1.0) -> RobotDescription:
 def test_a_light_robot_stands_as_a_heavy_one(
     share: float, drive: type[PositionControl | TorqueControl]
 ) -> None:
-    plant = Plant(scaled_biped(share))
+    plant = Plant(scaled_biped(share), visuals=False)
     control = drive(balance_controller(plant.description.robot(), 0.005))
     start = plant.truth().com
     while plant.time < 1.0:
@@ -484,7 +484,7 @@ def test_a_small_light_robot_walks(distance: float, steps: int, tmp_path: Path) 
     robot = str(tmp_path / "small.toml")
     plan = WalkPlan(distance=distance)
     spec = WalkSpec(robot=robot, plan=plan, terrain="flat", foot="flat", noise="none")
-    trial = WalkTrial(spec)
+    trial = WalkTrial(spec, visuals=False)
     result = trial.run()
     assert trial.plant.robot.mass == pytest.approx(1.5, abs=0.01)
     assert result.outcome == "completed" and result.steps_done == result.steps_planned == steps

@@ -348,7 +348,7 @@ def test_a_spec_that_names_a_file_of_a_policy_has_the_hash_of_its_content(tmp_pa
     spec = WalkSpec(foot="variable", policy_params=dict(named))  # type: ignore[arg-type]
     file.write_text("another", encoding="utf-8")
     with pytest.raises(InputError, match="has changed"):
-        WalkTrial(spec)
+        WalkTrial(spec, visuals=False)
     timing = WalkSpec(foot="variable").prepare().settings.stiffness
     assert (timing.decide_at, timing.early_landing) == (0.55, 0.25)  # as docs/feet.md says
 

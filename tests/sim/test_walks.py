@@ -188,7 +188,7 @@ def test_cost_of_transport_is_the_work_of_every_joint_over_weight_and_way(
 
 def test_the_drop_of_a_fall_is_in_proportion_to_the_robots_size() -> None:
     for robot, size in (("g1", 1.0), (str(EXAMPLE), 0.922)):
-        trial = WalkTrial(WalkSpec(robot=robot, plan=TWO_STEPS, noise="none", foot="flat"))
+        trial = WalkTrial(WalkSpec(robot=robot, plan=TWO_STEPS, noise="none", foot="flat"), visuals=False)
         plant = trial.plant
         assert plant.robot.length_scale == pytest.approx(size, abs=1e-3)
         height = plant.com_height
@@ -235,7 +235,7 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     """Step 1 is of the left foot: a push to the left is one to the inside of the stance foot."""
     hook = Impulse()
     push = WalkPush(impulse=0.9, direction=math.pi / 2, step=1, phase=0.3)
-    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none", pushes=(push,)))
+    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none", pushes=(push,)), visuals=False)
     result = trial.run([hook])
     assert hook.total == pytest.approx([0.0, 0.9 * trial.plant.robot.mass, 0.0], rel=1e-9, abs=1e-9)
     assert hook.first is not None and hook.lift_off is not None
@@ -252,7 +252,7 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
 
 
 def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
-    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none"))
+    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none"), visuals=False)
     plant, look = trial.plant, trial.true_fall
     assert look() is None
     upright = plant.data.qpos[3:7].copy()
@@ -357,7 +357,7 @@ class Closes(TrialHook):
 
 
 def test_a_trial_that_raises_ends_its_hooks_and_none_runs_twice() -> None:
-    trial, seen = WalkTrial(SPEC), Closes()
+    trial, seen = WalkTrial(SPEC, visuals=False), Closes()
     with pytest.raises(RuntimeError, match="broken"):
         trial.run([seen, Closes(raises_at=3)])
     assert seen.ended == [None]
@@ -368,11 +368,11 @@ def test_a_trial_that_raises_ends_its_hooks_and_none_runs_twice() -> None:
 
 
 def test_a_stage_that_is_not_over_in_its_time_is_said_and_a_stop_is_no_error() -> None:
-    trial = WalkTrial(SPEC)
+    trial = WalkTrial(SPEC, visuals=False)
     with pytest.raises(StageError, match="'waiting' was not over"), trial.running():
         trial.stage = "waiting"
         trial.until(lambda: False, 0.1)
-    trial = WalkTrial(SPEC)
+    trial = WalkTrial(SPEC, visuals=False)
     with trial.running():
         trial.advance(0.02)
         trial.stop()
@@ -417,7 +417,8 @@ def test_changes_reach_the_controller() -> None:
     trial = WalkTrial(
         WalkSpec(
             plan=TWO_STEPS, foot="soft", stiffness=7, foot_changes={"contact.friction": 0.5}, changes=changes
-        )  # type: ignore[arg-type]
+        ),  # type: ignore[arg-type]
+        visuals=False,
     )
     assert trial.control.stabilizer.gains.dcm_p == (3.0, 3.0)
     assert trial.control.settings.walk.adjustment is None

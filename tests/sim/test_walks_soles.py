@@ -84,7 +84,7 @@ def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
 
 def test_the_robot_starts_where_the_controller_takes_it_to_be() -> None:
     for foot in ("flat", "rigid", "soft", "variable"):
-        trial = WalkTrial(WalkSpec(foot=foot, noise="none", start=(0.4, 0.1, 0.0)))
+        trial = WalkTrial(WalkSpec(foot=foot, noise="none", start=(0.4, 0.1, 0.0)), visuals=False)
         believed = trial.control.controller.robot.placement(
             trial.control.controller.robot.soles[0].frame
         ).translation
@@ -100,8 +100,8 @@ def test_a_walk_over_an_image_knows_what_is_in_its_file(tmp_path: Path) -> None:
     name, _, content = str(dict(spec.terrain_params)["source"]).rpartition("#")
     assert name == str(path) and content == file_hash(path)
     assert WalkSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec == replace(spec, seed=0)
-    ground = WalkTrial(spec).plant.terrain
+    ground = WalkTrial(spec, visuals=False).plant.terrain
     assert ground is not None and ground == terrain("image", 0.02, source=heights, **params)
     np.save(path, heights[::-1])
     with pytest.raises(InputError, match="has changed"):
-        WalkTrial(spec)
+        WalkTrial(spec, visuals=False)

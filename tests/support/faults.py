@@ -294,13 +294,15 @@ def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
             0.1 s later while the robot stands, 0.15 s later while it walks.
     """
     if task == "stand":
-        stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=3.0, noise="realistic"))
+        stand = StandTrial(
+            StandSpec(robot="hrp4_class", mode=mode, seconds=3.0, noise="realistic"), visuals=False
+        )
         plant, control, command = stand.plant, stand.control, stand.control.command
         start, end, every = (0.8, 2.0, None) if lasting else (0.4, 3.0, 0.1)
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
         spec = WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan)
-        trial = WalkTrial(spec)
+        trial = WalkTrial(spec, visuals=False)
         plant, control, command = trial.plant, trial.control.drives, trial.control.command
         start, end, every = 2.2, 5.5, 0.15
         if lasting:

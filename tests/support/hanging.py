@@ -76,7 +76,7 @@ class HangingMachine(Driver):
         robot = self.description.robot()
         self.gains = machine_gains(robot.joint_names)
         self.clock, self.length, self.speed = SimulatedTime(), 0.0, 0.0
-        model, ankles = Plant(self.description, timestep=STEP).model, 50.0 if heavier else 35.0
+        model, ankles = Plant(self.description, timestep=STEP, visuals=False).model, 50.0 if heavier else 35.0
         self._limit = np.array(robot.torque_limit)
         self._limit[["ankle" in name for name in robot.joint_names]] = ankles
         # Motors for servos: those of the machine act on what is measured, computed here. Contacts of a common file.

@@ -56,7 +56,7 @@ class Process(subprocess.Popen[str]):
 def robot(watchdog: float) -> None:
     """Run a robot; print the clock whenever damping begins or ends."""
     description = wbc.load_robot(ROBOT)
-    loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
+    loop = MujocoLoop(description, Plant(description, visuals=False).model, control_period=PERIOD)
     wire = UdpRobot(description, 0)
     server = RobotServer(loop, wire, watchdog=watchdog)
     print("port", wire.port, ask_priority(PRIORITY), flush=True)
@@ -75,7 +75,7 @@ def robot(watchdog: float) -> None:
 def unitree() -> None:
     """Run a G1 that hangs at a band for a moment and speaks Unitree's topics in domain 7."""
     description = wbc.load_robot(ROBOT)
-    loop = MujocoLoop(description, Plant(description).model, control_period=PERIOD)
+    loop = MujocoLoop(description, Plant(description, visuals=False).model, control_period=PERIOD)
     server = RobotServer(loop, UnitreeRobot(description, domain=7), watchdog=5.0, band=1.0)
     print("ready", flush=True)
     end = time.monotonic() + 60.0

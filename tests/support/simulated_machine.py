@@ -24,7 +24,7 @@ NA = len(DESCRIPTION.joint_names)
 
 @cache
 def plant_model() -> mujoco.MjModel:
-    return Plant(DESCRIPTION).model
+    return Plant(DESCRIPTION, visuals=False).model
 
 
 class SimulatedMachine(Driver):

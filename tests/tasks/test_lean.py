@@ -100,7 +100,7 @@ def test_it_stays_within_its_limit_and_can_always_brake(dt: float) -> None:
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
 def test_the_trunks_of_robots_have_that_inertia(robot: str) -> None:
     """The QP turns an acceleration of the trunk into a moment as the settings say: same sign, same size."""
-    walking = WalkTrial(WalkSpec(robot=robot, foot="flat", terrain="flat")).control
+    walking = WalkTrial(WalkSpec(robot=robot, foot="flat", terrain="flat"), visuals=False).control
     body, controller = walking.controller.robot, walking.controller
     tasks = [controller.task(name) for name in ("pelvis", "torso")]
 

@@ -27,7 +27,11 @@ def standing(mode: str) -> tuple[wbc.Plant, wbc.PositionControl | wbc.TorqueCont
     """Return a plant, and a controller of one's own that balances by the task."""
     description = load("hrp4_class")
     plant = wbc.Plant(
-        description, control_period=0.005 if mode == "position" else 0.002, noise="realistic", seed=1
+        description,
+        control_period=0.005 if mode == "position" else 0.002,
+        noise="realistic",
+        seed=1,
+        visuals=False,
     )
     robot = description.robot()
     controller = wbc.Controller(robot, plant.control_period)
@@ -138,7 +142,7 @@ def test_the_order_of_the_contacts_and_an_estimate_that_is_not_given_change_noth
     commands = []
     for given in (True, False):
         description = load("hrp4_class")
-        plant = wbc.Plant(description)
+        plant = wbc.Plant(description, visuals=False)
         robot = description.robot()
         controller, observer = wbc.Controller(robot, plant.control_period), wbc.Observer(robot)
         names = [robot.sole("right_foot").frame, "left_foot"] if order == "by frame" else order.split(", ")
