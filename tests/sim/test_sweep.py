@@ -123,6 +123,13 @@ def test_studies_take_the_numbers_of_numpy_as_specs_do() -> None:
     assert [t.plain for t in Study.from_json(written).trials()] == [t.plain for t in study.trials()]
 
 
+def test_processes_import_no_program_that_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "<stdin>", raising=False)
+    with Journal(tmp_path / "j.jsonl") as journal:
+        assert sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=1).counts == {"done": 2}
+
+
+@pytest.mark.slow
 def test_a_program_from_the_standard_input_runs_a_sweep(tmp_path: Path) -> None:
     """Its processes cannot import it, and need not."""
     program = """

@@ -156,7 +156,7 @@ def test_time_constants_of_an_observer_that_are_given_stay_and_the_others_are_th
     assert observer.settings.inertial == inertial, "the observer says what it estimates by"
 
 
-@pytest.mark.parametrize("order", ["velocity", "goal"])
+@pytest.mark.parametrize("order", by_default(["velocity", "goal"], "velocity"))
 def test_an_order_in_the_middle_of_a_plan_takes_its_place_in_the_next_step(order: str) -> None:
     plant = wbc.Plant(wbc.load_robot("g1"), control_period=0.004, visuals=False)
     robot = plant.description.robot()
