@@ -121,15 +121,16 @@ class GaitState:
 
     def __init__(self, values: GaitValues) -> None:
         """Begin on both feet."""
-        _, self._law, self._scale, self._dt = values
-        self._gain = lag_gain(self._dt, self._law.area.cop_lag)
+        _, law, self._scale, self._dt = values
+        self._touch, self._area = law.touch, law.area
+        self._gain = lag_gain(self._dt, self._area.cop_lag)
         self._begin(GaitPhase.STANDING, 1)
 
     def _begin(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
         self.phase, self.stance, self.swing, self.elapsed = phase, stance, 1 - stance, elapsed
         self._contact: Vector | None = None
         self._alone = phase is GaitPhase.SINGLE
-        self._ahead = 0.0 if phase is GaitPhase.STANDING else self._law.area.carrying
+        self._ahead = 0.0 if phase is GaitPhase.STANDING else self._area.carrying
 
     def enter(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
         """Go on from this tick on in another phase, in which a time, s, is over already.
@@ -189,13 +190,13 @@ class GaitState:
             return self.centre_of_pressure(self.stance)
         (ax, ay, az), (bx, by, bz) = (self.centre_of_pressure(side) for side in (0, 1))
         left, right = (max(row[2], 0.0) for row in self.state.wrenches)
-        share = left / (left + right) if left + right > self._law.touch.least_force else 0.5
+        share = left / (left + right) if left + right > self._touch.least_force else 0.5
         return bx + share * (ax - bx), by + share * (ay - by), bz + share * (az - bz)
 
     def centre_of_pressure(self, side: int) -> Vector:
         """Return the centre of pressure of a sole within its edges, m; where it carries nothing, where it would."""
         _, _, force, roll, pitch, _ = self.state.wrenches[side]
-        if force < self._law.touch.least_force:
+        if force < self._touch.least_force:
             return self.carrying_point(side)
         length, width = self._scale.sole
         x, y = min(max(-pitch / force, -length), length), min(max(roll / force, -width), width)
@@ -208,7 +209,7 @@ class GaitState:
     def outside(self, dcm: Divergent, share: float) -> float:
         """Return the distance of the DCM outside the standing boxes scaled by `share`, m; negative within them."""
         left, right = self.state.places
-        half_length, half_width = (0.5 * share * size for size in self._law.area.standing_box)
+        half_length, half_width = (0.5 * share * size for size in self._area.standing_box)
         across = left[0] - right[0], left[1] - right[1]
         spacing = math.hypot(*across) + ROUNDING
         ux, uy = across[0] / spacing, across[1] / spacing
@@ -217,7 +218,7 @@ class GaitState:
 
     def kicked(self) -> int | None:
         """Return the foot that a push has thrown off the ground while the other one holds, else None."""
-        touch, loads, speeds = self._law.touch, [row[2] for row in self.state.wrenches], self.state.speeds
+        touch, loads, speeds = self._touch, [row[2] for row in self.state.wrenches], self.state.speeds
         for side in (0, 1):
             thrown = loads[side] < touch.lost and math.hypot(*speeds[side]) > touch.kicked
             if thrown and loads[1 - side] > touch.held:
