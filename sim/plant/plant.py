@@ -322,9 +322,7 @@ class Plant(MujocoRobot):
 
     def _refresh(self) -> None:
         mujoco.mj_step1(self.model, self.data)
-        self.data.efc_force[:] = (
-            np.nan
-        )  # the contacts are those of the coming step: nobody knows their forces
+        self.data.efc_force[:] = np.nan  # of the coming step, whose forces nobody knows
         self._begun = True
 
     def _end_period(self) -> None:
