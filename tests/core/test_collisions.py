@@ -220,7 +220,7 @@ def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
     )
     limit.bind(robot)
     rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
-    pairs, measured, left_out, needed, of_pair = len(limit._names), 0, 0, 0, limit._distance_of
+    pairs, measured, left_out, needed, of_pair = len(limit._scene.names), 0, 0, 0, limit._scene.distance
 
     def counted(row: int, data: pin.GeometryData, within: float) -> float:
         nonlocal measured
@@ -235,8 +235,8 @@ def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
             twist, place = obstacle.velocity, obstacle.placement
             turned = pin.exp3(step * twist[3:]) @ place.rotation
             obstacle.placement = pin.SE3(turned, place.translation + step * twist[:3])
-        for place in limit._places:
-            place.follow(limit._geometry)
+        for place in limit._scene._obstacles:
+            place.follow(limit._scene.geometry)
         return np.asarray(pin.integrate(robot.model, q, step * v))
 
     q, v = robot.half_sitting.copy(), np.zeros(robot.nv)
@@ -252,9 +252,9 @@ def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
         if only == 0:
             v += 0.2 * rng.normal(size=robot.nv)
         robot.update(q, v)
-        limit._distance_of = counted  # type: ignore[method-assign, assignment]
+        limit._scene.distance = counted  # type: ignore[method-assign, assignment]
         limit.write(dt, rows, lower, upper)
-        limit._distance_of = of_pair  # type: ignore[method-assign]
+        limit._scene.distance = of_pair  # type: ignore[method-assign]
         ends, here = [], distances()
         assert (limit._separation.distances() <= here + 1e-5).all()
         closing = limit._separation.speeds(limit._twists())
@@ -447,11 +447,11 @@ def test_the_distance_to_a_height_map_is_that_of_the_nearest_of_all_its_columns(
     if kind == "sphere":
         centre = np.array([0.05, -0.35, 0.0])
         height = float(ground.at(np.array([centre[0] + 1j * centre[1]]))[0][0])
-        limit._geometry.geometryObjects[0].placement = pin.SE3.Identity()
+        limit._scene.geometry.geometryObjects[0].placement = pin.SE3.Identity()
         for depth in (0.02, 0.09):
             robot_in = limit._data
             robot_in.oMg[0] = pin.SE3(np.eye(3), np.array([centre[0], centre[1], height + 0.1 - depth]))
-            result = limit._grounds[0].nearest(limit._geometry, robot_in, 0, 0.3)  # type: ignore[union-attr]
+            result = limit._scene.grounds[0].nearest(limit._scene.geometry, robot_in, 0, 0.3)  # type: ignore[union-attr]
             assert result.min_distance <= -depth + 1e-6 and result.normal[2] < -0.99
 
 

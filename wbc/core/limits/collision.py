@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import coal
 import numpy as np
@@ -17,12 +16,11 @@ from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.base.vectors import add_cross
 from wbc.core.limits.base import BACK, OPTIONS, Barrier, Order, demands
-from wbc.core.limits.columns import Columns
 from wbc.core.limits.facing import CORNERS, Corner, Facing
-from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Obstacle, Shape, geometry_of
-from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
+from wbc.core.limits.obstacles import ENDLESS, Obstacle, Shape
+from wbc.core.limits.pairs import srdf_pairs
+from wbc.core.limits.scene import Scene
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
 
@@ -60,15 +58,6 @@ AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 Twist = Sequence[float]
 """Velocity of the second shape of a pair against the first at the world's origin, [linear; angular], m/s and rad/s."""
 
-Numbers = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-DISTANCE, LINE, NORMAL, POINT, ROOM, GROWTH = 0, slice(1, 7), slice(1, 4), slice(7, 10), 10, 11
-"""Numbers of the nearest points of two shapes, or of a corner, and their places.
-
-The first are those of a `Corner`: distance, m, the normal and its moment, which are the line, and the point of the
-first shape, m. Then come the distance beyond the margin, of a corner beyond that of a pair that has come too close, m,
-and the speed of the distance, or what a moving obstacle adds to it, m/s.
-"""
-
 
 class Window(NamedTuple):
     """Distances up to which pairs and corners have rows.
@@ -88,45 +77,55 @@ class Window(NamedTuple):
     turning: float
 
 
+Numbers = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""Numbers of the nearest points of two shapes, or of a corner: those of a `Corner`, its room and its growth."""
+
+
 class Near(NamedTuple):
     """Pairs that are near and, behind them, corners of pairs: all that have rows in a tick.
 
     Attributes:
         rows: Row of each, shape (n,).
         pairs: Pair of each, shape (n,).
-        numbers: Its numbers, shape (n, 12); see `Numbers`.
+        numbers: Its numbers, shape (n, 12), which have names below.
     """
 
     rows: NDArray[np.intp]
     pairs: NDArray[np.intp]
     numbers: Array
 
+    @property
+    def distance(self) -> Array:
+        """Distances, shape (n,), m."""
+        return self.numbers[:, 0]
+
+    @property
+    def line(self) -> Array:
+        """Normals, and their moments about the origin of the world, shape (n, 6), 1 and m."""
+        return self.numbers[:, 1:7]
+
+    @property
+    def normal(self) -> Array:
+        """Normals from the first shapes to the second ones, shape (n, 3)."""
+        return self.numbers[:, 1:4]
+
+    @property
+    def point(self) -> Array:
+        """Points of the first shapes in the world, shape (n, 3), m."""
+        return self.numbers[:, 7:10]
+
+    @property
+    def room(self) -> Array:
+        """Distances beyond the margin, shape (n,), m; of a corner beyond that of a pair that has come too close."""
+        return self.numbers[:, 10]
+
+    @property
+    def growth(self) -> Array:
+        """Speeds of the distances, or what a moving obstacle adds to them, shape (n,), m/s."""
+        return self.numbers[:, 11]
+
 
 NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 12)))
-
-
-@dataclass(slots=True)
-class _Place:
-    """Place of an obstacle among the shapes, the placement that it has there, and its pairs."""
-
-    obstacle: Obstacle
-    index: int
-    local: pin.SE3
-    seen: pin.SE3 | None = None
-    pairs: slice = field(default_factory=lambda: slice(0))
-
-    def twist(self) -> Array:
-        """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
-        *linear, a, b, c = self.obstacle._velocity.tolist()
-        return np.array(
-            [*add_cross(linear, self.obstacle._placement.translation.tolist(), (a, b, c)), a, b, c]
-        )
-
-    def follow(self, geometry: pin.GeometryModel) -> None:
-        """Take a new placement of the obstacle over."""
-        if self.obstacle._placement is not self.seen:
-            self.seen = self.obstacle._placement
-            geometry.geometryObjects[self.index].placement = self.seen * self.local
 
 
 class CollisionLimit(Barrier):
@@ -195,14 +194,14 @@ class CollisionLimit(Barrier):
         """
         self.name, self.dim = name, 0
         self.pairs = "all" if pairs == "all" else tuple(pairs)
-        self._all, self._given = (True, ()) if self.pairs == "all" else (False, self.pairs)
-        if len({frozenset(pair) for pair in self._given if pair[0] != pair[1]}) != len(self._given):
-            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {list(self._given)}")
+        links = () if self.pairs == "all" else self.pairs
+        if len({frozenset(pair) for pair in links if pair[0] != pair[1]}) != len(links):
+            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {list(links)}")
         self.obstacles = tuple(obstacles)
         named = [obstacle.name for obstacle in self.obstacles]
         if len(set(named)) != len(named):
             raise InputError(f"limit '{name}' has two obstacles of one name: {named}")
-        if not (self._given or self._all or named):
+        if not (self.pairs or named):
             raise InputError(f"limit '{name}' needs at least one pair of links, or an obstacle")
         self._shapes = {
             frame: tuple(given) if isinstance(given, Sequence) else (given,)
@@ -223,69 +222,25 @@ class CollisionLimit(Barrier):
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
         self._robot = robot  # first, so that it refuses copies of the limit
-        given = [frame for pair in self._given for frame in pair]
-        for frame in (*self._shapes, *(self._against or ()), *given):
-            robot.frame_id(frame)
-        near = self._links_near_obstacles(robot)
-        self._geometry = geometry = pin.GeometryModel()
-        objects = self._add_shapes(robot, (*given, *(self._shapes if self._all else ()), *near))
-        grounds = self._add_obstacles()
-        pairs = self._pairs_of(robot, objects, near)
-        for _, i, k in pairs:
-            geometry.addCollisionPair(pin.CollisionPair(i, k))
-        self._names, self._n_pairs = [names for names, _, _ in pairs], len(pairs)
-        for item in geometry.geometryObjects:
-            item.geometry.computeLocalAABB()
-        self._grounds = [grounds.get(k) for _, _, k in pairs]
-        self._changing = np.flatnonzero(
-            [ground is not None for ground in self._grounds]
-        )  # measured at every tick
-        self._probe = geometry.createData()  # of who reads distances: a tick begins where the last one ended
+        self._scene = scene = Scene(robot, self.name, self._shapes, self.obstacles, self._against)
+        scene.pair(self.pairs, self._margin)
+        self._n_pairs = len(scene.names)
+        # Grounds are measured at every tick.
+        self._changing = np.flatnonzero([ground is not None for ground in scene.grounds])
+        self._probe = (
+            scene.geometry.createData()
+        )  # of who reads distances: a tick begins where the last one ended
         self.reset()
-        self._refuse_inside()
+        scene.refuse_inside(self._measured(self._probe))
         self.dim = self._n_pairs + min(CORNERS * sum(self._facing.has_corners), MOST_CORNERS)
         super().bind(robot)
-        self._follow_bodies(robot, np.array([(i, k) for _, i, k in pairs]))
+        self._follow_bodies(robot)
         self._growth = np.zeros(self.dim)  # of the last tick, by rows
 
-    def _add_obstacles(self) -> dict[int, Columns]:
-        """Add the obstacles to the geometry; return the columns of height maps, by the number of their shape."""
-        grounds: dict[int, Columns] = {}
-        self._places: list[_Place] = []
-        for obstacle in self.obstacles:
-            body, local = geometry_of(obstacle.shape)
-            item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
-            place = _Place(obstacle, self._geometry.addGeometryObject(item), local)
-            if isinstance(obstacle.shape, CollisionHeights):
-                grounds[place.index] = Columns(obstacle.shape, body, place.index)
-            self._places.append(place)
-        return grounds
-
-    def _pairs_of(
-        self, robot: Robot, objects: dict[str, list[int]], near: list[str]
-    ) -> list[tuple[tuple[str, str], int, int]]:
-        """Return all pairs of shapes: their names and numbers; those with obstacles are of the links that are near."""
-
-        def between(names: tuple[str, str]) -> list[tuple[tuple[str, str], int, int]]:
-            return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
-
-        pairs = [pair for names in self._given for pair in between(names)]
-        check_separable(robot, self._geometry, pairs, self._margin, self.name)
-        if self._all:
-            known = set(map(frozenset, self._given))
-            touching = pairs_that_touch(robot, self._geometry, objects, self._margin)
-            pairs += [pair for names in touching if frozenset(names) not in known for pair in between(names)]
-        for place in self._places:
-            first = len(pairs)
-            pairs += [((link, place.obstacle.name), i, place.index) for link in near for i in objects[link]]
-            place.pairs = slice(first, len(pairs))
-        if not pairs:
-            raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
-        return pairs
-
-    def _follow_bodies(self, robot: Robot, pairs: Array) -> None:
-        """Prepare what the rows need of the bodies of each pair, which has numbers of shapes, shape (pairs, 2)."""
-        items = self._geometry.geometryObjects
+    def _follow_bodies(self, robot: Robot) -> None:
+        """Prepare what the rows need of the bodies of each pair."""
+        items = self._scene.geometry.geometryObjects
+        pairs = np.array([(pair.first, pair.second) for pair in self._scene.geometry.collisionPairs])
         # Joints of each pair, and radii from the nearest points to the axes along the normal, m.
         self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[pairs.T]
         self._round = np.array([round_radius(item.geometry) for item in items])[pairs.T] * [[-1.0], [1.0]]
@@ -302,11 +257,11 @@ class CollisionLimit(Barrier):
 
     def reset(self) -> None:
         """Forget the nearest points so far, and measure all pairs; see `Limit.reset`."""
-        geometry = self._geometry
+        geometry = self._scene.geometry
         self._data = data = geometry.createData()
         for request in data.distanceRequests:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
-        self._facing = Facing(geometry, data, self._grounds)
+        self._facing = Facing(geometry, data, self._scene.grounds)
         self._separation = Separation(geometry, data, np.array(self._facing.has_corners))
         self._spread = self._separation.spread.tolist()
         distances = np.array(self._measured(data))
@@ -314,66 +269,20 @@ class CollisionLimit(Barrier):
         self._separation.measured(np.arange(self._n_pairs), distances)
         self._near = NOTHING
 
-    def _refuse_inside(self) -> None:
-        """Refuse an obstacle inside a link."""
-        distances = self._measured(self._probe)
-        for place in self._places:
-            for (link, what), distance in zip(self._names[place.pairs], distances[place.pairs], strict=True):
-                if distance <= 0.0:
-                    raise InputError(
-                        f"obstacle '{what}' of limit '{self.name}' is {-distance:.3f} m inside '{link}': move it, "
-                        "or give the links that keep away in `against`"
-                    )
-
-    def _links_near_obstacles(self, robot: Robot) -> list[str]:
-        """Return the links that keep away from the obstacles."""
-        if not self.obstacles or self._against is not None:
-            return list(self._against or ()) if self.obstacles else []
-        model, root = robot.model, 1 if robot.floating else 0
-        stands = {model.frames[robot.frame_id(sole.frame)].parentJoint for sole in robot.soles}
-        joints = {f: model.frames[robot.frame_id(f)].parentJoint for f in self._shapes}
-        return [f for f, joint in joints.items() if joint not in stands and (robot.soles or joint > root)]
-
-    def _add_shapes(self, robot: Robot, frames: Iterable[str]) -> dict[str, list[int]]:
-        """Add the shapes of frames to the geometry; return their numbers, by frame."""
-        objects: dict[str, list[int]] = {}
-        for frame in dict.fromkeys(frames):
-            if frame not in self._shapes:
-                raise InputError(
-                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, where "
-                    "`RobotDescription.collision_hulls()` has those of all links (it has it for: "
-                    f"{', '.join(sorted(self._shapes)) or 'none'})"
-                )
-            index = robot.frame_id(frame)
-            parent = robot.model.frames[index]
-            objects[frame] = []
-            for number, (body, local) in enumerate(map(geometry_of, self._shapes[frame])):
-                place = parent.placement * local
-                item = pin.GeometryObject(f"{frame} {number}", parent.parentJoint, index, place, body)
-                objects[frame].append(self._geometry.addGeometryObject(item))
-        return objects
-
     @property
     def distances(self) -> dict[tuple[str, str], float]:
         """Distance of each pair of links, or of a link and an obstacle, at present, m; negative in collision."""
         _ = self.robot  # it is refused before the limit has one
         smallest: dict[tuple[str, str], float] = {}
-        for pair, distance in zip(self._names, self._measured(self._probe), strict=True):
+        for pair, distance in zip(self._scene.names, self._measured(self._probe), strict=True):
             smallest[pair] = min(smallest.get(pair, np.inf), distance)
         return smallest
 
     def _measured(self, data: pin.GeometryData) -> list[float]:
         """Place all shapes in some data, and return the distances of all pairs there, m."""
-        self._place_shapes(data)
-        return [self._distance_of(row, data, self._influence) for row in range(self._n_pairs)]
-
-    def _distance_of(self, row: int, data: pin.GeometryData, within: float) -> float:
-        """Return the distance of a pair of shapes, m; infinite where there is no ground within a distance, m."""
-        ground = self._grounds[row]
-        if ground is None:
-            return float(pin.computeDistance(self._geometry, data, row).min_distance)
-        result = ground.nearest(self._geometry, data, row, within)
-        return np.inf if result is None else float(result.min_distance)
+        scene = self._scene
+        scene.place(data)
+        return [scene.distance(row, data, self._influence) for row in range(self._n_pairs)]
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill rows and rooms of all pairs within the influence; see `Barrier.measure`."""
@@ -390,30 +299,15 @@ class CollisionLimit(Barrier):
     def violation(self, row: int, size: float) -> str:
         """Return by how much the margin of a pair is violated, and which pair it is."""
         near = self._near
-        one, other = self._names[row if row < self._n_pairs else near.pairs[near.rows == row][0]]
+        one, other = self._scene.names[row if row < self._n_pairs else near.pairs[near.rows == row][0]]
         return f"{size:.3g} m ('{one}' and '{other}')"
-
-    def _place_shapes(self, data: pin.GeometryData) -> None:
-        """Place all shapes in some data, and the obstacles that have moved among them."""
-        for place in self._places:
-            place.follow(self._geometry)
-        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._geometry, data)
 
     def _twists(self) -> Array:
         """Return velocities of the second bodies against the first at the world's origin, shape (6, pairs)."""
         v = self._robot.v if self._leaders is None else self._leaders.dot(self._robot.v)
         np.multiply(self._moves.T, v[:, None], out=self._motions)
-        twists, beside = self._robot.joint_jacobians.dot(self._motions), self._beside()
+        twists, beside = self._robot.joint_jacobians.dot(self._motions), self._scene.twists()
         return np.asarray(twists if beside is None else twists + beside)
-
-    def _beside(self) -> Array | None:
-        """Return the velocities of obstacles at the origin of the world, shape (6, pairs); None where none moves."""
-        twists = None
-        for place in self._places:
-            if place.obstacle.moving:
-                twists = np.zeros((6, self._n_pairs)) if twists is None else twists
-                twists[:, place.pairs] = place.twist()[:, None]
-        return twists
 
     def _speeds(self, rows: Array) -> Array:
         return self._growth
@@ -422,26 +316,26 @@ class CollisionLimit(Barrier):
         """Return the accelerations of the distances; see `Barrier.drift`."""
         return self._drift(self._near)
 
-    def _drift(self, near: Near, chosen: Any = slice(None)) -> Array:
-        """Return the accelerations of the distances of some that are near, shape (dim,); zero in other rows.
+    def _drift(self, near: Near) -> Array:
+        """Return the accelerations of the distances of those that are near, shape (dim,); zero in other rows.
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        drift, (rows, pairs, numbers) = np.zeros(self.dim), (each[chosen] for each in near)
-        if n := rows.size:
-            ends = self._ends.take(pairs, axis=1).ravel()  # first bodies, then second ones
-            away = self._round.take(pairs, axis=1)
-            away[1] += numbers[:, DISTANCE]
-            twice = np.concatenate((numbers, numbers)).T
+        drift = np.zeros(self.dim)
+        if n := near.rows.size:
+            ends = self._ends.take(near.pairs, axis=1).ravel()  # first bodies, then second ones
+            away = self._round.take(near.pairs, axis=1)
+            away[1] += near.distance
+            normal, point = near.normal.T[:, None], near.point.T[:, None]  # of both bodies
             velocities, accelerations, placements = (each.take(ends, axis=0) for each in self._bodies)
             motion, places = np.concatenate((velocities, accelerations), axis=1), placements.reshape(-1, 4, 3)
             # Along the world's axes, bodies last.
             motion = (motion.reshape(-1, 4, 3) @ places[:, :3]).transpose(1, 2, 0)
-            arm = away.ravel() * twice[NORMAL] + twice[POINT] - places[:, 3].T
+            arm = (away * normal + point).reshape(3, -1) - places[:, 3].T
             of_points = motion[::2] + cross(motion[1::2], arm[None])  # velocities, accelerations
             accelerations = of_points[1] + cross(motion[1], of_points[0])
-            along = np.add.reduce(twice[NORMAL] * accelerations, axis=0)
-            drift[rows] = along[n:] - along[:n]
+            along = np.add.reduce(normal * accelerations.reshape(3, 2, n), axis=0)
+            drift[near.rows] = along[1] - along[0]
         return drift
 
     def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
@@ -449,10 +343,10 @@ class CollisionLimit(Barrier):
         rows.fill(0.0)
         room.fill(np.inf)
         self._growth.fill(0.0)
-        self._place_shapes(self._data)
+        self._scene.place(self._data)
         twists = None  # steps have no speeds, and velocities those of obstacles alone
         if order != "step":
-            twists = self._twists() if order == "acceleration" else self._beside()
+            twists = self._twists() if order == "acceleration" else self._scene.twists()
         self._near = near = self._find(self._window(order, dt), twists)
         bent = False
         if near.rows.size:
@@ -479,9 +373,10 @@ class CollisionLimit(Barrier):
         asked, limits = self._asked(window, twists)
         if not asked.size:
             return NOTHING
-        distances = [self._distance_of(row, self._data, window.within) for row in asked.tolist()]
+        data, distance_of = self._data, self._scene.distance
+        distances = [distance_of(row, data, window.within) for row in asked.tolist()]
         self._separation.measured(asked, np.array(distances))
-        results, has_corners, margin = self._data.distanceResults, self._facing.has_corners, self._margin
+        results, has_corners, margin = data.distanceResults, self._facing.has_corners, self._margin
         moving = itertools.repeat(AT_REST) if twists is None else twists.take(asked, axis=1).T.tolist()
         found, corners = list[Numbers](), list[Numbers]()
         pairs, owners = list[int](), list[int]()  # of each found, and of each corner
@@ -514,7 +409,10 @@ class CollisionLimit(Barrier):
             bounds[self._changing] = -np.inf
         if twists is None or not window.ahead:
             return (bounds <= counts).nonzero()[0], itertools.repeat(counts)
-        each = np.minimum(window.ahead * self._separation.speeds(twists) + window.least, counts)
+        each = self._separation.speeds(twists)
+        each *= window.ahead
+        each += window.least
+        np.minimum(each, counts, out=each)
         asked = (bounds <= each).nonzero()[0]
         return asked, each.take(asked).tolist()
 
@@ -540,9 +438,8 @@ class CollisionLimit(Barrier):
 
     def _nearest(self, corners: list[Numbers], owners: list[int]) -> tuple[list[Numbers], list[int]]:
         """Return as many corners as have rows, nearest ones first, and their pairs."""
-        order = sorted(
-            range(len(corners)), key=lambda i: (corners[i][DISTANCE], owners[i], corners[i][GROWTH])
-        )[: self.dim - self._n_pairs]
+        by = [(corner[0], owner, corner[-1]) for corner, owner in zip(corners, owners, strict=True)]
+        order = sorted(range(len(by)), key=by.__getitem__)[: self.dim - self._n_pairs]
         return [corners[i] for i in order], [owners[i] for i in order]
 
     def _put(self, near: Near, rows: Array, room: Array) -> Array:
@@ -552,10 +449,10 @@ class CollisionLimit(Barrier):
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        filled, pairs, numbers = near
-        room[1, filled], self._growth[filled] = numbers[:, ROOM], numbers[:, GROWTH]
-        moving = numbers[:, LINE].dot(self._robot.joint_jacobians)
-        moving *= self._moves.take(pairs, axis=0)
+        filled = near.rows
+        room[1, filled], self._growth[filled] = near.room, near.growth
+        moving = near.line.dot(self._robot.joint_jacobians)
+        moving *= self._moves.take(near.pairs, axis=0)
         rows[filled] = moving = moving if self._leaders is None else moving.dot(self._leaders)
         return np.asarray(moving)
 
@@ -565,12 +462,12 @@ class CollisionLimit(Barrier):
         `moving` are the rows of those that are near. Inverse kinematics leave no velocities of bodies in the data of
         the robot: they are computed here.
         """
-        robot, numbers = self._robot, near.numbers
-        closing = moving.dot(robot.v) + numbers[:, GROWTH] < -0.5 / self._time * numbers[:, ROOM] - SLOW
+        robot = self._robot
+        closing = moving.dot(robot.v) + near.growth < -0.5 / self._time * near.room - SLOW
         chosen = closing.nonzero()[0]
         if chosen.size:
             pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
-            self._growth += 0.5 * dt * np.minimum(self._drift(near, chosen), 0.0)
+            self._growth += 0.5 * dt * np.minimum(self._drift(Near(*(each[chosen] for each in near))), 0.0)
         return bool(chosen.size)
 
 

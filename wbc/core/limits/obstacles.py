@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import coal
@@ -15,6 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
+from wbc.base.vectors import add_cross
 from wbc.core.frames import FixedPose, pose
 
 FARTHEST = 1e6
@@ -214,6 +216,30 @@ class Obstacle:
 
     def __repr__(self) -> str:
         return f"Obstacle('{self.name}', {self.shape!r})"
+
+
+@dataclass(slots=True)
+class PlacedObstacle:
+    """Obstacle among the shapes of a limit: its number there, its placement at present, and its pairs."""
+
+    obstacle: Obstacle
+    index: int
+    local: pin.SE3
+    seen: pin.SE3 | None = None
+    pairs: slice = field(default_factory=lambda: slice(0))
+
+    def twist(self) -> Array:
+        """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
+        *linear, a, b, c = self.obstacle._velocity.tolist()
+        return np.array(
+            [*add_cross(linear, self.obstacle._placement.translation.tolist(), (a, b, c)), a, b, c]
+        )
+
+    def follow(self, geometry: pin.GeometryModel) -> None:
+        """Take a new placement of the obstacle over."""
+        if self.obstacle._placement is not self.seen:
+            self.seen = self.obstacle._placement
+            geometry.geometryObjects[self.index].placement = self.seen * self.local
 
 
 def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
