@@ -19,6 +19,7 @@ from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import MachineError
 from wbc.machine.report import Phase, RunReport
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 DESCRIPTION = wbc.load_robot("g1")
 ROBOT = DESCRIPTION.robot()
@@ -190,6 +191,17 @@ def test_the_rate_is_that_of_the_controller_and_timeouts_are_longer_than_a_perio
                 continue
             with pytest.raises(InputError, match=r"100 Hz, 0\.01 s a period"):
                 Runner(machine, own, 100.0, settings=settings, guard=False)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_walk_that_has_walked_is_refused_before_a_machine_moves(mode: str) -> None:
+    machine = StillMachine(lambda now: 0.0)
+    walk = WalkingControl(DESCRIPTION.robot(), None, PERIOD, WalkingControlSettings(mode=mode))  # type: ignore[arg-type]
+    runner_of(machine, walk)
+    walk.command(Measurement.resting(ROBOT))
+    with pytest.raises(InputError, match="cannot begin anew"):
+        runner_of(machine, walk)
+    assert not machine.sent
 
 
 def test_a_machine_of_which_nothing_is_heard_is_not_started() -> None:

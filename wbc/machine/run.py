@@ -57,6 +57,8 @@ class Runner:
         check_driver(driver)
         self.period = 1.0 / rate
         control.check_period(self.period)
+        if not control.restarts:
+            control.reset()  # refuses a walk that has walked
         self.driver, self.control, self.description = driver, control, driver.description
         self.settings = s = settings or RunSettings()
         shortest = min(s.robot_timeout, s.control_timeout)
@@ -294,7 +296,8 @@ def run(
 
     Args:
         driver: Wire to the machine.
-        control: Control with a control period of 1 / rate, whose robot is at half-sitting.
+        control: Control with a control period of 1 / rate, whose robot is at half-sitting; a walk that has walked is
+            an `InputError`.
         rate: Ticks a second, 1/s.
         until: Time of the end, s, or a function that returns True at the end; None runs until SIGINT or SIGTERM.
         settings: Times and limits.

@@ -26,38 +26,25 @@ class PolicyPeriod:
     """
 
     def __init__(
-        self,
-        network: Network,
-        description: PolicyDescription,
-        observed: Observed,
-        dt: float,
-        longest: float | None,
+        self, network: Network, about: PolicyDescription, observed: Observed, dt: float, longest: float | None
     ) -> None:
-        """Check that a network fits its description.
+        """Check that a network fits its description, and a control period, s.
 
-        Args:
-            network: The network.
-            description: Its description.
-            observed: State that it observes, into which its actions are written.
-            dt: Control period, s.
-            longest: Longest time that the network may take, s; None for any.
-
-        Raises:
-            InputError: A network of other widths than its description, or a period that is no multiple of dt.
+        Its actions are written into what is observed; `longest` is the longest time that it may take, s.
         """
         if network.outputs != observed.action.size:
             raise InputError(
                 f"the network has actions of {network.outputs} values for {observed.action.size} joints"
             )
-        self._every = round(description.period / dt)
-        if self._every < 1 or abs(self._every * dt - description.period) > ROUNDING:
+        self._every = round(about.period / dt)
+        if self._every < 1 or abs(self._every * dt - about.period) > ROUNDING:
             raise InputError(
-                f"the period of the policy, {description.period:g} s, must be a multiple of the control period, "
+                f"the period of the policy, {about.period:g} s, must be a multiple of the control period, "
                 f"{dt:g} s"
             )
-        self.observation = Observation(description.observation, observed, network.inputs)
+        self.observation = Observation(about.observation, observed, network.inputs)
         self._network, self._observed = network, observed
-        self._longest, self._most = longest, description.action_clip
+        self._longest, self._most = longest, about.action_clip
         self.begin()
 
     def begin(self) -> None:
