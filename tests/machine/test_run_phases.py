@@ -193,6 +193,21 @@ def test_the_rate_is_that_of_the_controller_and_timeouts_are_longer_than_a_perio
                 Runner(machine, own, 100.0, settings=settings, guard=False)  # type: ignore[arg-type]
 
 
+def test_a_robot_whose_controller_does_not_begin_is_balanced_on() -> None:
+    """A walk refuses to begin with its feet far from its references, for example."""
+
+    class Refusing(wbc.PositionControl):
+        def reset(self, q: Any = None) -> None:
+            if q is not None:
+                raise InputError("not from here")
+            super().reset()
+
+    control = Refusing(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    report = runner_of(StillMachine(lambda time: 1.0), control).run(2.5)
+    assert [name for name, _ in begun(report)] == ["START", "HANG", "STAND", "STOP", "DAMPED"]
+    assert report.reason == "stopped"
+
+
 @pytest.mark.parametrize("mode", ["position", "torque"])
 def test_a_walk_that_has_walked_is_refused_before_a_machine_moves(mode: str) -> None:
     machine = StillMachine(lambda now: 0.0)

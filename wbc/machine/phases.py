@@ -249,10 +249,19 @@ class Phases:
         if self._lifted.update(hangs, now):
             self._lift(measurement, now)
         elif carries:
+            self._begin_run(stand, now)
+        return command
+
+    def _begin_run(self, stand: Stand | None, now: float) -> None:
+        """Let the controller begin from where the robot is balanced; one that refuses leaves it balanced."""
+        try:
             if stand is not None:
                 self._control.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
+        except InputError as error:
+            logger.warning("the controller does not begin, and the robot is balanced on: %s", error)
+            self._may_run = False
+        else:
             self.enter(Phase.RUN, now)
-        return command
 
     def _run(self, measurement: Measurement, now: float) -> Command:
         """Run the controller; its commands come by and by."""
