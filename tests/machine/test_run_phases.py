@@ -196,7 +196,7 @@ def test_the_rate_is_that_of_the_controller_and_timeouts_are_longer_than_a_perio
 def test_a_robot_whose_controller_does_not_begin_is_balanced_on() -> None:
     """A walk refuses to begin with its feet far from its references, for example."""
 
-    class Refusing(wbc.PositionControl):
+    class Refusing(wbc.TorqueControl):
         def reset(self, q: Any = None) -> None:
             if q is not None:
                 raise InputError("not from here")
@@ -204,7 +204,8 @@ def test_a_robot_whose_controller_does_not_begin_is_balanced_on() -> None:
 
     control = Refusing(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
     report = runner_of(StillMachine(lambda time: 1.0), control).run(2.5)
-    assert [name for name, _ in begun(report)] == ["START", "HANG", "STAND", "STOP", "DAMPED"]
+    phases = [name for name, _ in begun(report)]
+    assert phases[-3:] == ["STAND", "STOP", "DAMPED"] and "RUN" not in phases
     assert report.reason == "stopped"
 
 
