@@ -205,11 +205,12 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given), raising=False)
     collected = iter([[{"collections": 5}, {"collections": 2}], [{"collections": 6}, {"collections": 4}]])
     monkeypatch.setattr(clock.gc, "get_stats", lambda: next(collected))
+    clock.gc.freeze()
     assert clock.gc.isenabled()
     with clock.quiet(7 if locks else None) as got:
         assert not clock.gc.isenabled() and got.memory_locked == locks and got.priority == (7 if locks else 0)
         assert calls == [("lock", clock.LOCK_ALL), ("timers", 29, 1, 0, 0, 0)]
         calls.clear()
-    assert clock.gc.isenabled()
+    assert clock.gc.isenabled() and clock.gc.get_freeze_count() > 0, "what a program has frozen stays so"
     assert got.page_faults == (3, 50) and got.collections == 3
     assert calls == ([(0, 0, 0), "unlock"] if locks else [])

@@ -75,7 +75,6 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
     got = Quiet()
     enabled = gc.isenabled()
     gc.collect()
-    gc.freeze()
     gc.disable()
     before_collections = sum(entry["collections"] for entry in gc.get_stats())
     with contextlib.suppress(OSError, AttributeError):
@@ -94,6 +93,5 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         if got.memory_locked:
             ctypes.CDLL(None).munlockall()
-        gc.unfreeze()
         if enabled:
             gc.enable()
