@@ -1,14 +1,14 @@
 """A robot with springs and closed chains: Cassie stands on bars, and takes a push.
 
-Its SDF has 22 joints in a tree, of which ten get drives, and four joints that close chains: in each leg a rod from the
-hip to a spring at the heel, and a rod that turns the foot. Two springs in each leg carry it. The description locks the
-springs, so that the controller takes them for rigid; in the simulation they give.
+Its MJCF has 26 joints in a tree, of which ten have motors, and four equalities that close chains: in each leg a rod
+from the hip to a spring at the heel, and a rod that turns the foot. Two springs in each leg carry it. The description
+locks the springs, so that the controller takes them for rigid; in the simulation they give.
 """
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,19 +17,11 @@ import pinocchio as pin
 from _common import parse, report, upright
 
 import wbc
-from wbc.robots import RobotDescription, Sole, read_sdf
+from wbc.robots import RobotDescription, Sole
 from wbc.sim import MujocoLoop
 from wbc.tasks import CoMOverFeetTask
 
-SDF = "cmeel.prefix/share/example-robot-data/robots/cassie_description/robots/cassie_v2.sdf"
-DRIVES = {
-    "roll-op": (112.5, 0.038),
-    "yaw-op": (112.5, 0.038),
-    "pitch-op": (195.2, 0.093),
-    "knee-op": (195.2, 0.093),
-    "tarsus-crank-joint": (45.0, 0.012),
-}
-"""Drive → its largest torque, Nm, and rotor inertia seen at the joint, kg m²: its motors behind gears of 16 to 50."""
+FILE = Path(__file__).with_name("cassie.xml")
 SAG = {"knee-shin-joint": -0.0406, "tarsus-spring-joint": -0.0307}
 """Spring → what it gives under half of the weight, rad."""
 BENT = {
@@ -50,19 +42,6 @@ def both(values: dict[str, float]) -> dict[str, float]:
     return {f"{side}-{joint}": value for side in ("left", "right") for joint, value in values.items()}
 
 
-def cassie() -> mujoco.MjSpec:
-    """Return Cassie with drives, on a floor."""
-    spec = read_sdf(importlib.metadata.distribution("example-robot-data").locate_file(SDF))
-    spec.option.timestep, spec.option.gravity = 0.0005, [0.0, 0.0, -9.80665]
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-    for side in ("left", "right"):
-        for drive, (torque, rotor) in DRIVES.items():
-            joint = spec.joint(f"{side}-{drive}")
-            joint.armature, joint.actfrcrange, joint.actfrclimited = rotor, [-torque, torque], True
-            spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    return spec
-
-
 def sole(robot: wbc.Robot, side: str) -> pin.SE3:
     """Return the frame below the middle of the bar of a foot in its link: x to the toe, z up."""
     across = np.round(robot.placement(f"{side}-foot").rotation.T @ [0.0, 1.0, 0.0])
@@ -71,9 +50,9 @@ def sole(robot: wbc.Robot, side: str) -> pin.SE3:
     return pin.SE3(np.stack([forward, across, up], axis=1), 0.5 * (TOE + HEEL) - RADIUS * up)
 
 
-def described(spec: mujoco.MjSpec) -> RobotDescription:
+def described() -> RobotDescription:
     """Return Cassie on its feet, in a posture in which the chains close."""
-    robot = RobotDescription.from_mjcf(spec, feet=False, lock=both(SAG)).robot()
+    robot = RobotDescription.from_mjcf(FILE, feet=False, lock=both(SAG)).robot()
     ik = wbc.InverseKinematics(robot, dt=0.01)
     ik.update(robot.configuration(both(BENT)))
     ik.add(wbc.JointLimits(), wbc.PostureTask(both(BENT), weight=1e-5), wbc.CoMTask([0.0, 0.0, 0.8]))
@@ -95,19 +74,19 @@ def described(spec: mujoco.MjSpec) -> RobotDescription:
     found = ik.reach(tolerance=1e-3)
     print(found)
     posture = dict(zip(robot.joint_names, found.configuration[robot.base_nq :].tolist(), strict=True))
-    return RobotDescription.from_mjcf(spec, lock=both(SAG), half_sitting=posture, **soles)
+    return RobotDescription.from_mjcf(FILE, lock=both(SAG), half_sitting=posture, **soles)
 
 
 def controlled(robot: wbc.Robot, period: float) -> wbc.HybridControl:
     """Return the control of a robot that stands: its CoM over its feet, an upright pelvis, and soft servos."""
     controller = wbc.Controller(robot, period)
-    drives = {
-        f"{side}-{drive}": torque for side in ("left", "right") for drive, (torque, _) in DRIVES.items()
-    }
+    driven = [
+        name for name, torque in zip(robot.joint_names, robot.torque_upper, strict=True) if torque > 0.0
+    ]
     controller.add(
         CoMOverFeetTask(weight=100.0, stiffness=30.0),
         wbc.OrientationTask(robot.base_frame, weight=10.0, stiffness=30.0),
-        wbc.PostureTask(joints=list(drives), weight=0.1, stiffness=50.0),
+        wbc.PostureTask(joints=driven, weight=0.1, stiffness=50.0),
         wbc.TorqueLimits(),
     )
     for foot in robot.soles:
@@ -123,16 +102,14 @@ def controlled(robot: wbc.Robot, period: float) -> wbc.HybridControl:
         controller.add(contact)
         contact.set_box(foot.length, 0.002)
     # The servos damp the springs, which the controller does not know.
-    strength = np.array([drives.get(name, 0.0) for name in robot.joint_names])
-    return wbc.HybridControl(controller, kp=0.5 * strength, kd=0.1 * strength)
+    return wbc.HybridControl(controller, kp=0.5 * robot.torque_upper, kd=0.1 * robot.torque_upper)
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = parse(__doc__, arguments, seconds=10.0, push=3.0)
-    spec = cassie()
-    description = described(spec)
-    loop = MujocoLoop(description, spec.compile(), control_period=0.002)
+    description = described()
+    loop = MujocoLoop(description, mujoco.MjModel.from_xml_path(str(FILE)), control_period=0.002)
     control = controlled(description.robot(), loop.control_period)
     start, pushed = loop.truth().com, False
     with options.watch(loop) as view:

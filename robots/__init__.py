@@ -20,7 +20,6 @@ A new built-in robot is a function in `models/` and a line in `registry`; a new 
 from wbc.core.frames import Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
-from wbc.robots.files import read_sdf
 from wbc.robots.registry import load, names, register
 
 load_robot = load
@@ -33,7 +32,6 @@ __all__ = [
     "register",
     # Describe a robot
     "RobotDescription",
-    "read_sdf",
     "ServoRule",
     "Sole",
 ]

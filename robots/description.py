@@ -244,7 +244,7 @@ class RobotDescription:
             provenance: As in `from_urdf`.
             **options: See `wbc.robots.options.DescriptionOptions`. Defaults: half-sitting is a keyframe in which the
                 robot stands; the IMU is at the site of a gyroscope; velocity limits, which an MJCF does not have, are
-                20 rad/s, or those of an SDF; torque limits are the tightest ones of the file.
+                20 rad/s; torque limits are the tightest ones of the file.
         """
         from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
 

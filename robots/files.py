@@ -19,7 +19,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, names_in, shown_path
 from wbc.base.files import decoding, first_tag, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
@@ -30,10 +29,10 @@ from wbc.robots.description import RobotDescription
 from wbc.robots.mesh_files import PACKAGE_DEPTH, resolve
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
-"""Endings of the files that describe a robot."""
+"""Endings of the files that describe a robot, and of those of Gazebo, which are refused."""
 
 
-REFERENCES = re.compile(r"""\b(?:file|filename|url)\s*=\s*["']([^"'<>]+)|<uri>\s*([^<>]+?)\s*</uri>""")
+REFERENCES = re.compile(r"""\b(?:file|filename|url)\s*=\s*["']([^"'<>]+)""")
 """Names of files in a description: meshes, height fields and parts of the robot."""
 
 FOLDERS = re.compile(r"""\b(?:meshdir|assetdir|texturedir)\s*=\s*["']([^"'<>]+)""")
@@ -78,7 +77,7 @@ def _references(path: str, _time: int, _size: int) -> tuple[tuple[str, ...], tup
             names, folders = [values.get("file", "")], given if isinstance(given, list) else []
         else:
             text = read_xml(place)
-            names = [one or other for one, other in REFERENCES.findall(text)]
+            names = REFERENCES.findall(text)
             folders = FOLDERS.findall(text)
     except WbcError:  # which its reader raises
         return (), ()
@@ -115,17 +114,6 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         if first_tag(read_xml(path, "robot file")) == "robot":
             return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
-
-
-@checked
-def read_sdf(path: str | Path) -> Any:
-    """Return the robot of an SDF as an `mujoco.MjSpec` without drives, to which these and a ground can be added.
-
-    `RobotDescription.from_mjcf` takes the spec, and the path of an SDF as well.
-    """
-    from wbc.robots.readers import compile_mjcf  # noqa: PLC0415  MuJoCo is imported with it
-
-    return compile_mjcf.read_sdf(Path(path).expanduser())
 
 
 def write(target: Path, path: Path, parameters: Mapping[str, Any]) -> None:

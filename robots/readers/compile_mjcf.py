@@ -7,7 +7,6 @@ import contextlib
 import html
 import os
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,13 +15,19 @@ import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import decoding, first_tag, parse_xml, read_xml
+from wbc.base.files import decoding, first_tag, read_xml
 from wbc.robots.mesh_files import mesh_defect
-from wbc.robots.readers import sdf_mjcf
 from wbc.robots.urdf import MOST_LINKS, existing
 
 MOST_FOLDERS = 100
 """Most folders of meshes, pictures and included files that an MJCF may name."""
+
+OTHER_FORMATS = {
+    "": "no XML",
+    "robot": "a URDF; use from_urdf",
+    "sdf": "an SDF; convert it to an MJCF with sdf2mjcf of sdformat-mjcf, and close its chains with <connect>",
+}
+"""First tag of a file that is no MJCF → what it is, and what to do."""
 
 
 def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
@@ -78,16 +83,12 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     """Return the name of a source for messages, and a function that reads it."""
     content = str(source)
     if content.lstrip().startswith("<"):
-        if first_tag(content) == "sdf":
-            return "SDF string", lambda: sdf_mjcf.spec_of(_tree(content, "SDF string"), "SDF string")
         _refuse_other_formats("MJCF string", content)
         refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
-    if first_tag(text := read_xml(path, "MJCF")) == "sdf":
-        return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
-    refuse_pipes(path.parent, text)
+    refuse_pipes(path.parent, read_xml(path, "MJCF"))
     texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
     return where, lambda: _spec_of(path, texts)
@@ -114,21 +115,6 @@ def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
     spec.modelfiledir = str(path.parent)
     return spec
-
-
-def read_sdf(path: Path) -> mujoco.MjSpec:
-    """Return the robot of an SDF; see `wbc.robots.read_sdf`."""
-    text = read_xml(path, "SDF")
-    if first_tag(text) != "sdf":
-        raise ModelError(f"{shown_path(path)} is no SDF; RobotDescription.from_mjcf reads an MJCF")
-    return sdf_mjcf.spec_of(_tree(text, shown_path(path)), shown_path(path))
-
-
-def _tree(text: str, where: str) -> ET.Element:
-    try:
-        return parse_xml(text)
-    except ET.ParseError as error:
-        raise ModelError(f"{where}: {error}") from error
 
 
 def refuse_pipes(folder: Path, text: str) -> None:
@@ -180,8 +166,8 @@ def _texts(path: Path) -> dict[str, str]:
 
 def _refuse_other_formats(where: str, content: str) -> None:
     """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, NaN and many bodies."""
-    if (first := first_tag(content)) in ("", "robot"):
-        raise ModelError(f"{where} is {'a URDF; use from_urdf' if first else 'no XML'}")
+    if (first := first_tag(content)) in OTHER_FORMATS:
+        raise ModelError(f"{where} is {OTHER_FORMATS[first]}")
     content = re.sub(r"<!--.*?-->", lambda note: "\n" * note.group().count("\n"), content, flags=re.DOTALL)
     count = content.count("<body") + sum(
         map(int, re.findall(r"<replicate\b[^<>]*\bcount\s*=\s*[\"'](\d+)", content))

@@ -42,7 +42,7 @@ def mechanism(
     N, where it is known. With `turn`, rad, a link is put above the root whose x axis points to where the old one has
     this angle.
     """
-    compiled, model, speeds = tree.model, pin.Model(), tree.speeds()
+    compiled, model = tree.model, pin.Model()
     # Body → joint that moves it, its place in that joint's frame, its own frame.
     at = {0: (0, pin.SE3.Identity(), 0)}
     inertias: dict[str, pin.Inertia] = {}
@@ -66,7 +66,7 @@ def mechanism(
             if reference := tree.reference(joint):
                 inside = inside * _motion(tree, joint, axis, -reference)
             low, high = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
-            limits = torque.get(name, 0.0), speeds.get(name, SLIDE_SPEED if slides else SPEED), low, high
+            limits = torque.get(name, 0.0), SLIDE_SPEED if slides else SPEED, low, high
             parent = add_joint(model, parent, place * inside, name, slides, axis, limits)
             frame, place = model.addJointFrame(parent, frame), along(-anchor)
         if moving and moving[-1][1].any():  # a link has the frame of its joint: the body is fixed to one

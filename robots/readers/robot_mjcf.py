@@ -22,6 +22,11 @@ from wbc.robots.readers.tree_mjcf import Tree
 NO_DRIVE = 1.0
 """Torque limit of a joint without a drive, Nm: it needs one, and the description has none."""
 
+NO_SPEEDS = (
+    f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
+)
+"""Note on the velocity limits of all joints."""
+
 
 def read(
     source: Any,
@@ -54,7 +59,7 @@ def read(
         mechanism=lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
         name=_model_name(model) or tree.body_name(tree.root),
         source=_origin(source),
-        notes=(*notes, *tree.without_speed()),
+        notes=(*notes, NO_SPEEDS),
         doubtful=(*_held(held), *_unmodelled(tree, chains)),
         find_soles=partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
         named=soles != (None, None),

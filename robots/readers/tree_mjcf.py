@@ -14,16 +14,12 @@ from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
-from wbc.robots.notes import listed
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
-VELOCITY_LIMIT = "velocity limit of {}"
-"""Name of the custom number of an MJCF with the velocity limit of a joint, which has no attribute for it."""
-
 SPEED, SLIDE_SPEED = 20.0, 1.0
-"""Velocity limits of hinges, rad/s, and slides, m/s, for which a file gives none."""
+"""Velocity limits of hinges, rad/s, and slides, m/s: an MJCF has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,20 +101,6 @@ class Tree:
     def slides(self, joint: int) -> bool:
         """Return True for a slide, False for a hinge."""
         return int(self.model.jnt_type[joint]) == SLIDE
-
-    def speeds(self) -> dict[str, float]:
-        """Return the velocity limits that the file gives, joint → rad/s or m/s."""
-        given = {name: VELOCITY_LIMIT.format(name) for name in self.joints}
-        known = {self.model.numeric(i).name: i for i in range(self.model.nnumeric)}
-        return {n: float(self.model.numeric(known[g]).data[0]) for n, g in given.items() if g in known}
-
-    def without_speed(self) -> list[str]:
-        """Return a note on the joints whose velocity limit is the default, because the file gives none."""
-        given = self.speeds()
-        if not (without := [name for name in self.joints if name not in given]):
-            return []
-        whose = "" if len(without) == len(self.joints) else f" of {listed(without)}"
-        return [f"velocity limits{whose}: an MJCF has none; {SPEED:g} rad/s (slides {SLIDE_SPEED:g} m/s)"]
 
     def reference(self, joint: int) -> float:
         """Return the position of a joint in which the file shows the robot, rad or m."""

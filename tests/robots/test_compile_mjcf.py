@@ -110,6 +110,7 @@ def test_copies_are_counted_in_the_text_before_they_are_made() -> None:
 def test_a_urdf_no_xml_and_objects_are_refused_as_an_mjcf() -> None:
     for source, said in (
         ('<robot name="r"/>', "MJCF string is a URDF; use from_urdf"),
+        ('<sdf version="1.6"/>', "MJCF string is an SDF; convert it to an MJCF with sdf2mjcf"),
         ("<", "MJCF string is no XML"),
     ):
         with pytest.raises(ModelError, match=said):

@@ -6,6 +6,7 @@ import itertools
 
 import mujoco
 import pytest
+from mjcf_biped import MOTORS, biped
 
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
@@ -404,3 +405,21 @@ def test_drives_of_one_direction_alone_are_ranges_of_a_description(
         (-5.0, 5.0),
         torques,
     ]
+
+
+@pytest.mark.parametrize(
+    ("attributes", "limit"),
+    [
+        ('gear="2" ctrlrange="-40 40" ctrllimited="false"', None),
+        ('gear="2" ctrlrange="-40 40"', 80.0),
+        ('gear="2" ctrlrange="-40 40" forcerange="-30 30"', 60.0),
+    ],
+)
+def test_the_torque_of_a_motor_is_bounded_by_what_its_file_limits(
+    attributes: str, limit: float | None
+) -> None:
+    """A range of controls that limits nothing is no bound of a torque."""
+    drives = MOTORS.replace('gear="2" ctrlrange="-40 40"', attributes)
+    description = RobotDescription.from_mjcf(biped(drives=drives))
+    found = description.torque_limit[description.joint_names.index("left_knee")]
+    assert (found == pytest.approx(80.0 if limit is None else limit)) == (limit is not None)

@@ -92,6 +92,7 @@ IN_PLACE_OF = {
     "RobotWrapper": "Robot or load_robot",
     "solve_ik": "InverseKinematics",
     "TrialLoop": "Simulation",
+    "read_sdf": "an MJCF that sdf2mjcf of sdformat-mjcf makes of the SDF",
     "WatchWalk": "MeshcatView, a hook of the walk",
 }
 """Names of other libraries, and former ones, with what takes their place."""
