@@ -33,7 +33,7 @@ from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.footsteps import BLEND, footsteps, smoothstep
 from wbc.motion.inverse_kinematics import inverse_kinematics, planted
-from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, arm_joints, corners_of
+from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, arm_joints, coms_of, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
 # Numbers without a source are judged by the table of tracked motions in docs/measured_hands.md: the clips of that table
@@ -75,7 +75,7 @@ SHIFT = 0.6
 SMOOTHING = 0.03
 """Standard deviation of the last smoothing of all joints, s."""
 
-PASSES = 8
+PASSES = 9
 """Most passes of inverse kinematics and ZMP."""
 
 RETIMINGS = 3
@@ -281,7 +281,7 @@ def _balanced(
     q = _held(robot, over, share, unfinished)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
-    ways = BodyMotion.of(robot, over, RATE).com[:, :2], BodyMotion.of(robot, q, RATE).com[:, 2:]
+    ways = coms_of(robot, over)[:, :2], coms_of(robot, q)[:, 2:]
     com = gaussian_filter1d(np.hstack(ways), FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
     supports = supports_on(robot, soles, standing, settings.sole_share)
     result = _zmp_inside(robot, q, com, soles, standing, supports, unfinished)
@@ -326,12 +326,11 @@ def _zmp_inside(
         needed = nearest_inside(supports, zmp) - zmp
         low = np.maximum(com[:, 2] - motion.com[:, 2], 0.0)  # legs that are too short for the height
         if abs(needed).max() < OUTSIDE and low.max() < LOW:
-            break
+            return result
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
         com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, SINKING, SINKING_FADE)
-    else:
-        unfinished.add("ZMP")
-    return inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
+    unfinished.add("ZMP")
+    return result
 
 
 def supports_on(

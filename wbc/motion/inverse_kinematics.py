@@ -75,10 +75,11 @@ def inverse_kinematics(
     posture = PostureTask(weight=JOINTS, joint_weights=legs)
     balance, limits = CoMTask(weight=COM), JointLimits(margin=margin)
     ik.add(*feet, *trunk, posture, balance, limits)
+    data, frames = robot.model.createData(), [robot.frame_id(frame) for frame in robot.trunk_frames]
     for i, reference in enumerate(q):
-        ik.update(reference)
-        for task in trunk:
-            task.target = task.present(robot)
+        pin.framesForwardKinematics(robot.model, data, reference)
+        for task, frame in zip(trunk, frames, strict=True):
+            task.target = data.oMf[frame].rotation
         posture.target, balance.target = reference[7:], com[i]
         for foot, sole, weight in zip(feet, soles[i], weights[i], strict=True):
             foot.target, foot.weight = sole, weight

@@ -159,6 +159,12 @@ def moved(sole: pin.SE3, offset: Array) -> pin.SE3:
     return pin.SE3(pin.exp3(offset[3:]) @ sole.rotation, sole.translation + offset[:3])
 
 
+def coms_of(robot: Robot, q: Array) -> Array:
+    """Return the centres of mass of configurations, shape (T, nq), in the world, shape (T, 3), m."""
+    data = robot.model.createData()
+    return np.array([pin.centerOfMass(robot.model, data, each) for each in q])
+
+
 def corners_of(robot: Robot, soles: Sequence[Soles]) -> Array:
     """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m."""
     own = robot.soles[:2]
