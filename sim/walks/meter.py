@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
 from wbc.sim.walks.arrival import AT_ONCE
-from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
+from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult
 from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import TOUCHED, Event, GaitPhase
@@ -50,6 +50,10 @@ SAMPLE = 0.02
 
 LEAST_WAY = 0.05
 """Shortest distance for which a cost of transport and a speed are told, m."""
+
+
+SPREADS = tuple(name for name, kind in get_type_hints(WalkResult).items() if kind is Spread)
+"""Figures of which mean and standard deviation are told."""
 
 
 class _Moment(NamedTuple):
@@ -103,16 +107,10 @@ class WalkMeter(TrialHook):
         """
         self._plant, self._walking = plant, walking
         self._areas = [area for area in areas if area.name == "speed"]
-        self._zmp: list[float] = []
-        self._com: list[float] = []
-        self._dcm: list[float] = []
-        self._roll: list[float] = []
-        self._pitch: list[float] = []
-        self._area: list[float] = []
+        self._values: dict[str, list[float]] = {name: [] for name in SPREADS}
         self._events: Counter[Event] = Counter()
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
         self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
-        self._effort: list[float] = []
         self._work = np.zeros(plant.robot.na)
         self._drives: list[tuple[Array, Array]] = []  # torques and velocities of the last ticks
         self._ticks = 0
@@ -175,7 +173,7 @@ class WalkMeter(TrialHook):
         torque, velocity = np.array(self._drives).swapaxes(0, 1)
         share = self._plant.robot.torque_share(torque)
         self._peak = np.maximum(self._peak, share.max(axis=0))
-        self._effort += share.max(axis=1).tolist()
+        self._values["torque_ratio"] += share.max(axis=1).tolist()
         self._work += np.abs(torque * velocity).sum(axis=0) * self._plant.control_period
         self._drives.clear()
 
@@ -204,11 +202,11 @@ class WalkMeter(TrialHook):
         (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
         distance = math.hypot(desired_x - x, desired_y - y)
         if math.isfinite(distance):  # there is none in the air
-            self._zmp.append(distance)
+            self._values["zmp_error"].append(distance)
         x, y, _ = output.errors.com.tolist()
-        self._com.append(math.hypot(x, y))
+        self._values["com_error"].append(math.hypot(x, y))
         dcm_error: list[float] = output.errors.dcm.tolist()
-        self._dcm.append(math.hypot(*dcm_error))
+        self._values["dcm_error"].append(math.hypot(*dcm_error))
         return dcm_error
 
     def _record_events(self, events: tuple[Event, ...], now: float, forces: list[float]) -> None:
@@ -235,11 +233,11 @@ class WalkMeter(TrialHook):
         if progress.phase is not GaitPhase.SINGLE:
             return
         roll, pitch = moment.tilt
-        self._roll.append(abs(roll))
-        self._pitch.append(abs(pitch))
+        self._values["sole_roll"].append(abs(roll))
+        self._values["sole_pitch"].append(abs(pitch))
         if self._middle != progress.steps_done and moment.share >= 0.5:
             self._middle = progress.steps_done
-            self._area.append(self._contact_area(stance))
+            self._values["contact_area"].append(self._contact_area(stance))
 
     def _contact_area(self, stance: int) -> float:
         """Return the area of the hull of the contacts of a sole, m²."""
@@ -293,14 +291,11 @@ class WalkMeter(TrialHook):
         worst = int(np.argmax(self._peak))
         count = self._events
         return {
-            "zmp_error": spread(self._zmp),
-            "com_error": spread(self._com),
-            "dcm_error": spread(self._dcm),
-            "dcm_error_max": max(self._dcm, default=None),
+            **{name: spread(values) for name, values in self._values.items()},
+            "dcm_error_max": max(self._values["dcm_error"], default=None),
             "peak_torque_ratio": float(self._peak[worst]),
             "peak_torque_joint": self._plant.robot.joint_names[worst],
             "speed": self._speed(),
-            "torque_ratio": spread(self._effort),
             "energy": Energy(float(work[legs].sum()), float(np.delete(work, legs).sum())),
             "vibration": float(vibration(self._velocities, self._sample).sum()),
             "slip": self._slip,
@@ -312,9 +307,6 @@ class WalkMeter(TrialHook):
                 forced_lift_offs=count[Event.FORCED_LIFT_OFF],
             ),
             "impact": None if self._impact is None else self._impact / (self._plant.robot.mass * GRAVITY),
-            "sole_roll": spread(self._roll),
-            "sole_pitch": spread(self._pitch),
-            "contact_area": spread(self._area),
         }
 
     def _speed(self) -> float | None:

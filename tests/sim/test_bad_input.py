@@ -23,6 +23,7 @@ from wbc.motion import MotionClip
 from wbc.robots import RobotDescription, load
 from wbc.sim import (
     DepthCamera,
+    FieldFamily,
     FootTest,
     SharedPlant,
     WalkPlan,
@@ -227,6 +228,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: MotionClip.of("g1", np.zeros((2, 36)), 50.0), "robot of MotionClip.of"),  # type: ignore[arg-type]
         (lambda: MotionClip.of(plant().robot, np.zeros(41), 50.0), r"shape \(T, 41\)"),
         (lambda: family("holes")(int), "derived from Family"),  # type: ignore[type-var]
+        (lambda: family("holes")(type("Holes", (FieldFamily,), {})), "'holes' must have .* feature=1.0"),
         (lambda: scene_kind("shelf")(int), "derived from Scene"),  # type: ignore[type-var]
         (lambda: param(1.0, 3), "about of param"),  # type: ignore[arg-type]
         (lambda: study_entries(3, {}), "study of study_entries"),  # type: ignore[arg-type]

@@ -6,11 +6,7 @@ A new family is one class::
     class Waves(FieldFamily):
         \"\"\"Sine waves along the track.\"\"\"
 
-        wavelength: Annotated[Positive, "m"] = param(0.3, "Crest to crest")
-
-        @property
-        def smallest_feature(self) -> float:
-            return self.wavelength / 2.0
+        wavelength: Annotated[Positive, "m"] = param(0.3, "Crest to crest", feature=0.5)
 
         def heights(self, site: Site, x: Array, y: Array) -> Array:
             return np.sin(2.0 * np.pi * x / self.wavelength)
@@ -33,7 +29,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.registry import Registry, call_checked
-from wbc.base.settings import settings
+from wbc.base.settings import Positive, settings
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Shape
@@ -53,19 +49,21 @@ PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 @checked
-def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
+def param(default: Any, about: str, *, at_least: str | None = None, feature: Positive | None = None) -> Any:
     """Declare a parameter of a family, or of a scene; its annotation states type, range and unit, as in all settings.
 
     Args:
         default: Its value by default.
         about: Meaning of the parameter, for `wbc terrain`.
         at_least: Name of another parameter that this one must not be below.
+        feature: Size that a foot can feel over the parameter, such as 0.5 for a wavelength; the least of these sizes is
+            the smallest feature of a ground. None for a parameter that is no size.
     """
-    return field(default=default, metadata={"about": about, "at_least": at_least})
+    return field(default=default, metadata={"about": about, "at_least": at_least, "feature": feature})
 
 
 @settings
-class Family(ABC):
+class Family:
     """Parameters of a family of grounds; see `ShapeFamily` and `FieldFamily` for the two kinds."""
 
     name: ClassVar[str] = ""
@@ -85,9 +83,14 @@ class Family(ABC):
                 )
 
     @property
-    @abstractmethod
     def smallest_feature(self) -> float:
-        """Size of the smallest feature that a foot can feel (a stone, a joint, half a wave), m."""
+        """Size of the smallest feature that a foot can feel (a stone, a joint, half a wave), m; see `param`."""
+        return float(min(share * getattr(self, name) for name, share in self._features()))
+
+    @classmethod
+    def _features(cls) -> list[tuple[str, float]]:
+        """Return the parameters that are sizes of features, each with the size over the parameter."""
+        return [(f.name, f.metadata["feature"]) for f in fields(cls) if f.metadata.get("feature")]
 
     def feature_at(self, amplitude: float) -> float:
         """Return the smallest feature at this amplitude, m; in some families it grows with the amplitude."""
@@ -122,7 +125,7 @@ class Family(ABC):
         return {}
 
 
-class ShapeFamily(Family):
+class ShapeFamily(Family, ABC):
     """Base of families that consist of solids on a floor.
 
     The highest point of `shapes` must be exactly `site.amplitude` above `floor(site)`, and some floor must stay
@@ -144,7 +147,7 @@ class ShapeFamily(Family):
         return 0.0
 
 
-class FieldFamily(Family):
+class FieldFamily(Family, ABC):
     """Base of families that are given by heights on a grid, which are then scaled to the amplitude."""
 
     @abstractmethod
@@ -251,8 +254,14 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
         if not (isinstance(cls, type) and issubclass(cls, Family)):
             raise InputError(f"@family must be above a class derived from Family, got {shown(cls)}")
         cls.name = name
-        _FAMILIES.add(name, cls)
-        return settings(cls)
+        made = settings(cls)
+        if cls.smallest_feature is Family.smallest_feature and not cls._features():
+            raise InputError(
+                f"terrain '{name}' must have a parameter that is the size of a feature, as in param(0.3, …, "
+                "feature=1.0), or a `smallest_feature`"
+            )
+        _FAMILIES.add(name, made)
+        return made
 
     return register
 

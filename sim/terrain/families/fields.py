@@ -33,12 +33,8 @@ class Random(FieldFamily):
     """
 
     cutoff: Annotated[float, Field(gt=0.0, le=0.99)] = param(0.01, "Cut-off over the Nyquist frequency")
-    spacing: Annotated[Positive, "m"] = param(0.007, "Distance between noise samples")
-
-    @property
-    def smallest_feature(self) -> float:
-        # Three samples, so that the grid of the noise itself is what is needed.
-        return 3.0 * self.spacing
+    # Three samples, so that the grid of the noise itself is what is needed.
+    spacing: Annotated[Positive, "m"] = param(0.007, "Distance between noise samples", feature=3.0)
 
     @property
     def grid(self) -> float:
@@ -124,13 +120,9 @@ class Iso8608(FieldFamily):
 class MetalSheets(FieldFamily):
     """Corrugated iron sheets with their ridges across the track."""
 
-    period: Annotated[Positive, "m"] = param(0.076, "Ridge to ridge")
+    period: Annotated[Positive, "m"] = param(0.076, "Ridge to ridge", feature=0.5)
 
     default_amplitude = 0.02
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.period / 2.0
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
         del y

@@ -107,7 +107,10 @@ class Image(FieldFamily):
     source: Any = param(
         None, "Path of an image, .npy or .csv file, or a 2-D array; columns along x, first row left"
     )
-    metres_per_pixel: Annotated[Positive, "m"] | None = param(None, "Scale")
+    # Three pixels, so that the grid of the image itself is what is needed.
+    metres_per_pixel: Annotated[Positive, "m"] | None = param(None, "Scale", feature=3.0)
+
+    unidirectional = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -134,15 +137,6 @@ class Image(FieldFamily):
                 f"the image covers {self._size[0]:g} m x {self._size[1]:g} m (length x width) at {self._pixel:g} m per "
                 f"pixel; the rough part of {length:g} m x {width:g} m does not fit"
             )
-
-    @property
-    def unidirectional(self) -> bool:
-        return False
-
-    @property
-    def smallest_feature(self) -> float:
-        # Three pixels, so that the grid of the image itself is what is needed.
-        return 3.0 * self._pixel
 
     @property
     def grid(self) -> float:

@@ -30,7 +30,7 @@ def _stations(site: Site, low: float, high: float, margin: float) -> list[float]
 class CylinderObstacles(ShapeFamily):
     """Round-topped bars across the track, nearly straight, at uneven distances."""
 
-    width_min: Annotated[Positive, "m"] = param(0.03, "Narrowest bar")
+    width_min: Annotated[Positive, "m"] = param(0.03, "Narrowest bar", feature=1.0)
     width_max: Annotated[Positive, "m"] = param(0.06, "Widest bar", at_least="width_min")
     spacing_min: Annotated[Positive, "m"] = param(0.4, "Shortest distance between bars")
     spacing_max: Annotated[Positive, "m"] = param(
@@ -40,10 +40,6 @@ class CylinderObstacles(ShapeFamily):
     yaw: Annotated[float, Field(ge=0.0, le=1.0), "rad"] = param(
         0.1, "Greatest turn from the transverse direction"
     )
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.width_min
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         margin = self.width_max / 2.0 + site.width / 2.0 * math.sin(self.yaw)
@@ -61,12 +57,8 @@ class PyramidalStones(ShapeFamily):
     """Square pyramids scattered at random."""
 
     density: Annotated[Positive, "1/m2"] = param(4.8, "Pyramids on a square metre")
-    base: Annotated[Positive, "m"] = param(0.047, "Side of the base")
+    base: Annotated[Positive, "m"] = param(0.047, "Side of the base", feature=1.0)
     lowest: PositiveShare = param(0.5, "Lowest pyramid, as a share of the amplitude")
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.base
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         n = max(1, round(self.density * site.area))
@@ -81,13 +73,9 @@ class Ellipsoids(ShapeFamily):
     """Half ellipsoids in staggered rows, each turned at random."""
 
     pitch: Annotated[Positive, "m"] = param(0.126, "Distance between neighbours")
-    half_length: Annotated[Positive, "m"] = param(0.072, "Longer semi-axis")
-    half_width: Annotated[Positive, "m"] = param(0.032, "Shorter semi-axis")
+    half_length: Annotated[Positive, "m"] = param(0.072, "Longer semi-axis", feature=2.0)
+    half_width: Annotated[Positive, "m"] = param(0.032, "Shorter semi-axis", feature=2.0)
     lowest: PositiveShare = param(0.6, "Lowest one, as a share of the amplitude")
-
-    @property
-    def smallest_feature(self) -> float:
-        return 2.0 * min(self.half_length, self.half_width)
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         axes = (self.half_length, self.half_width)
@@ -134,19 +122,17 @@ class Sticks(ShapeFamily):
 class Boards(ShapeFamily):
     """Single boards on the floor, short along the track, narrow or as wide as the track, turned at random."""
 
-    shortest: Annotated[Positive, "m"] = param(0.05, "Shortest board along the track")
+    shortest: Annotated[Positive, "m"] = param(0.05, "Shortest board along the track", feature=1.0)
     longest: Annotated[Positive, "m"] = param(0.25, "Longest board along the track", at_least="shortest")
-    narrow: Annotated[Positive, "m"] = param(0.2, "Extent across of the narrow half of the boards")
+    narrow: Annotated[Positive, "m"] = param(
+        0.2, "Extent across of the narrow half of the boards", feature=1.0
+    )
     gap_min: Annotated[NonNegative, "m"] = param(0.1, "Shortest distance between boards")
     gap_max: Annotated[NonNegative, "m"] = param(0.4, "Longest distance between boards", at_least="gap_min")
     lowest: PositiveShare = param(0.5, "Thinnest board, as a share of the amplitude")
     yaw: Annotated[float, Field(ge=0.0, le=1.0), "rad"] = param(
         0.4, "Greatest turn of a narrow board; wide ones turn a quarter of it"
     )
-
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.shortest, self.narrow)
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         draw = site.draws.uniform
@@ -177,9 +163,9 @@ class Boards(ShapeFamily):
 class Slats(ShapeFamily):
     """Slats across a pit that is as deep as the amplitude, some lower than others and slightly tilted."""
 
-    width_min: Annotated[Positive, "m"] = param(0.02, "Narrowest slat along the track")
+    width_min: Annotated[Positive, "m"] = param(0.02, "Narrowest slat along the track", feature=1.0)
     width_max: Annotated[Positive, "m"] = param(0.035, "Widest slat along the track", at_least="width_min")
-    gap_min: Annotated[Positive, "m"] = param(0.06, "Narrowest gap")
+    gap_min: Annotated[Positive, "m"] = param(0.06, "Narrowest gap", feature=1.0)
     gap_max: Annotated[Positive, "m"] = param(0.11, "Widest gap", at_least="gap_min")
     sag: Annotated[float, Field(ge=0.0, le=0.9)] = param(
         0.3, "Depth of the lowest slat below the edge, over the depth of the pit"
@@ -190,10 +176,6 @@ class Slats(ShapeFamily):
     thickness: Annotated[Positive, "m"] = param(0.02, "Thickness of a slat")
 
     default_amplitude = 0.05
-
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.width_min, self.gap_min)
 
     def floor(self, site: Site) -> float:
         return -site.amplitude

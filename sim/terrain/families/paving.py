@@ -54,15 +54,11 @@ def _laid(
 class StoneBricks(ShapeFamily):
     """Bricks in running bond, each at its own height and slightly tilted."""
 
-    length: Annotated[Positive, "m"] = param(0.2, "Brick along the track")
-    breadth: Annotated[Positive, "m"] = param(0.1, "Brick across the track")
-    joint: Annotated[Positive, "m"] = param(0.01, "Joint between bricks")
+    length: Annotated[Positive, "m"] = param(0.2, "Brick along the track", feature=1.0)
+    breadth: Annotated[Positive, "m"] = param(0.1, "Brick across the track", feature=1.0)
+    joint: Annotated[Positive, "m"] = param(0.01, "Joint between bricks", feature=1.0)
     lowest: Share = param(0.4, "Lowest brick, as a share of the amplitude")
     tilt: Share = param(0.2, "Greatest rise over a brick, as a share of the amplitude")
-
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.length, self.breadth, self.joint)
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         return _laid(site, (self.length, self.breadth), self.joint, 0.5, self.lowest, self.tilt)
@@ -72,16 +68,12 @@ class StoneBricks(ShapeFamily):
 class FloorTiles(ShapeFamily):
     """Small square tiles with wide joints, each at its own height and slightly tilted."""
 
-    side: Annotated[Positive, "m"] = param(0.051, "Side of a tile")
-    joint: Annotated[Positive, "m"] = param(0.017, "Joint between tiles")
+    side: Annotated[Positive, "m"] = param(0.051, "Side of a tile", feature=1.0)
+    joint: Annotated[Positive, "m"] = param(0.017, "Joint between tiles", feature=1.0)
     lowest: Share = param(0.2, "Lowest tile, as a share of the amplitude")
     tilt: Share = param(0.2, "Greatest rise over a tile, as a share of the amplitude")
 
     default_amplitude = 0.02
-
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.side, self.joint)
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         return _laid(site, (self.side, self.side), self.joint, 0.0, self.lowest, self.tilt)
@@ -91,8 +83,8 @@ class FloorTiles(ShapeFamily):
 class LargeFloorTiles(FloorTiles):
     """Tiles about as long as a foot, each at its own height and tilted, with narrow joints."""
 
-    side: Annotated[Positive, "m"] = param(0.3, "Side of a tile")
-    joint: Annotated[Positive, "m"] = param(0.01, "Joint between tiles")
+    side: Annotated[Positive, "m"] = param(0.3, "Side of a tile", feature=1.0)
+    joint: Annotated[Positive, "m"] = param(0.01, "Joint between tiles", feature=1.0)
     lowest: Share = param(0.3, "Lowest tile, as a share of the amplitude")
     tilt: Share = param(0.5, "Greatest rise over a tile, as a share of the amplitude")
 
@@ -103,18 +95,14 @@ class LargeFloorTiles(FloorTiles):
 class RoofTiles(ShapeFamily):
     """Barrel tiles: a saw-tooth along the track on round ridges side by side, each tile at its own height."""
 
-    period_min: Annotated[Positive, "m"] = param(0.2, "Shortest tile along the track")
+    period_min: Annotated[Positive, "m"] = param(0.2, "Shortest tile along the track", feature=0.25)
     period_max: Annotated[Positive, "m"] = param(0.25, "Longest tile along the track", at_least="period_min")
-    breadth: Annotated[Positive, "m"] = param(0.2, "Distance between ridges")
+    breadth: Annotated[Positive, "m"] = param(0.2, "Distance between ridges", feature=0.25)
     heel: Annotated[float, Field(ge=0.0, le=0.9)] = param(
         0.2, "Height of a tile's low end, as a share of its high end"
     )
     lowest: PositiveShare = param(0.6, "Lowest tile, as a share of the amplitude")
     rising: bool = param(True, "The tiles rise along +x and drop; otherwise they step up and fall")
-
-    @property
-    def smallest_feature(self) -> float:
-        return min(self.period_min, self.breadth) / 4.0
 
     @property
     def largest_amplitude(self) -> float:

@@ -14,7 +14,7 @@ from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.ground import STRIP_DEPTH
+from wbc.sim.terrain.ground import STRIP_DEPTH, strip
 from wbc.sim.terrain.shapes import Box, Shape, tilted_rotation
 
 Direction = Literal["up", "down", "up_down"]
@@ -24,19 +24,9 @@ Direction = Literal["up", "down", "up_down"]
 class Flat(ShapeFamily):
     """A flat floor."""
 
-    default_amplitude = 0.0
-
-    @property
-    def smallest_feature(self) -> float:
-        return math.inf
-
-    @property
-    def unidirectional(self) -> bool:
-        return True
-
-    @property
-    def largest_amplitude(self) -> float:
-        return 0.0
+    default_amplitude = largest_amplitude = 0.0
+    smallest_feature = math.inf
+    unidirectional = True
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         del site
@@ -47,11 +37,7 @@ class _Climb(ShapeFamily):
     """Stairs or a ramp: a direction, and the levels that follow from it."""
 
     direction: Direction
-    ramps = False
-
-    @property
-    def unidirectional(self) -> bool:
-        return True
+    ramps, unidirectional = False, True
 
     def floor(self, site: Site) -> float:
         return -site.amplitude if self.direction == "down" else 0.0
@@ -61,9 +47,7 @@ class _Climb(ShapeFamily):
 
     def _block(self, site: Site, x0: float, x1: float, level: float) -> Box:
         """Make a box as wide as the track from x0 to x1 with its top at `level` (m)."""
-        bottom = self.floor(site) - STRIP_DEPTH
-        position = np.array([(x0 + x1) / 2.0, 0.0, (level + bottom) / 2.0])
-        return Box(position, np.array([(x1 - x0) / 2.0, site.width / 2.0, (level - bottom) / 2.0]), np.eye(3))
+        return strip(x0, x1, site.width, level, self.floor(site))
 
 
 @family("steps")
@@ -71,15 +55,11 @@ class Stairs(_Climb):
     """Stairs; the amplitude is the whole climb, divided into equal risers."""
 
     riser: Annotated[Positive, "m"] = param(0.03, "Greatest height of one step")
-    tread: Annotated[Positive, "m"] = param(0.3, "Depth of one step")
+    tread: Annotated[Positive, "m"] = param(0.3, "Depth of one step", feature=1.0)
     landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent")
     direction: Direction = param("up_down", "Where the stairs lead")
 
     default_amplitude = 0.09
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.tread
 
     def risers(self, amplitude: float) -> int:
         """Return the number of steps of one flight."""
@@ -127,14 +107,10 @@ class Stairs(_Climb):
 class Slope(_Climb):
     """A ramp up, or one up and one down with a level part between; the amplitude is its rise."""
 
-    landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent")
+    landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent", feature=1.0)
     direction: Direction = param("up_down", "Where the ramp leads")
 
     default_amplitude = 0.1
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.landing
 
     def rise_at(self, amplitude: float) -> float:
         del amplitude

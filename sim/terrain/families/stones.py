@@ -62,16 +62,12 @@ class SmallStones(Stones):
 class CobbleStones(ShapeFamily):
     """Round domes on an uneven hexagonal lattice, touching their neighbours."""
 
-    pitch: Annotated[Positive, "m"] = param(0.18, "Distance between neighbours")
+    pitch: Annotated[Positive, "m"] = param(0.18, "Distance between neighbours", feature=0.25)
     overlap: Share = param(0.1, "Overlap of a dome with its neighbour, over half the pitch")
     jitter: Annotated[float, Field(ge=0.0, le=0.5)] = param(
         0.08, "Greatest displacement, as a share of the pitch"
     )
     lowest: PositiveShare = param(0.6, "Lowest dome, as a share of the amplitude")
-
-    @property
-    def smallest_feature(self) -> float:
-        return self.pitch / 4.0
 
     def shapes(self, site: Site) -> Iterator[Shape]:
         radius = self.pitch / 2.0 * (1.0 + self.overlap)
