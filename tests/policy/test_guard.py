@@ -94,6 +94,13 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     run_guard(plant, guard, 0.5)
     before = np.array(guard.policy.drives.observer.robot.q)
     guard.take_over()
+    guard.hand_back()  # it takes the order back
+    run_guard(plant, guard, DT)
+    assert not guard.relieved
+    guard.velocity = (0.4, 0.0, 0.0)
+    for load in (0.0,) * len(ticks(0.12)) + (200.0,) * len(ticks(1.0)):
+        guard.policy.contacts.update((200.0, load))
+    guard.take_over()
     with Recorder(tmp_path / "guard.arrow") as recorder:
         for _ in range(10):
             m = plant.measure()
@@ -104,10 +111,16 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     assert guard.relieved == "asked for"
     assert np.abs(guard.walking.drives.observer.robot.q - before).max() < 5e-3
     run_guard(plant, guard, 1.0)
+    steps = guard.steps_done
     guard.hand_back()
     seen = len(network.seen)
     run_guard(plant, guard, 0.2)
     assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
+    assert guard.steps_done == steps >= 1 and guard.velocity is None, (
+        "the robot stands as the walk was told to"
+    )
+    guard.reset()
+    assert guard.steps_done == 0
 
 
 def test_a_walk_that_takes_over_knows_the_loads_of_feet_without_sensors() -> None:

@@ -73,6 +73,7 @@ class PolicyGuard(SteeredControl):
         walking.drives.share(policy.drives)
         self.policy, self.walking, self.relieved = policy, walking, ""
         self._ordered = ""  # reason to take over in the next tick
+        self._steps = 0  # before the policy began last
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -103,15 +104,19 @@ class PolicyGuard(SteeredControl):
         self._ordered = reason
 
     def hand_back(self) -> None:
-        """Let the policy control the robot again, from a stand.
+        """Let the policy control the robot again, from a stand; `take_over` in the same tick is taken back.
+
+        What is asked for is what the walk was asked for last, a stand as a rule, and not what the policy was before.
 
         Raises:
             InputError: The robot does not stand.
         """
+        self._ordered = ""
         if not self.relieved:
             return
         if self.fallen is not None or not self.walking.stands:
             raise InputError("a robot must stand before a policy controls it again")
+        self._steps = self.steps_done
         self.policy.resume()
         self._policy_again()
 
@@ -129,10 +134,13 @@ class PolicyGuard(SteeredControl):
     def reset(self, q: Array | None = None) -> None:
         """Let the policy begin anew from a configuration at rest, shape (nq,); half-sitting when None."""
         self.policy.reset(q)
+        self._steps = 0
         self._policy_again()
 
     def _policy_again(self) -> None:
         """Let the policy control the robot, and the QP of the walk be made before it takes over again."""
+        if self.relieved:
+            self.policy.velocity = self.walking.velocity
         self.walking.controller.reset()
         self.relieved = self._ordered = ""
 
@@ -197,7 +205,7 @@ class PolicyGuard(SteeredControl):
     @property
     def steps_done(self) -> int:
         """Number of steps of the policy and of the walk."""
-        return self.policy.steps_done + (self.walking.steps_done if self.relieved else 0)
+        return self._steps + self.policy.steps_done + (self.walking.steps_done if self.relieved else 0)
 
     def status(self) -> str:
         """Return in one line how the control is; see `DriveControl.status`."""
