@@ -51,13 +51,15 @@ def test_measures_of_a_clip_are_told_in_percent_and_before_and_after() -> None:
         changes={name: 0.1 * i for i, name in enumerate(names)},
         shortened=0.012,
         stretched=1.5,
+        unfinished=("ZMP", "arms"),
     )
-    head, *_, most = motion_command._changes(SimpleNamespace(name="clip"), result)  # type: ignore[arg-type]
+    head, *_, most, undone = motion_command._changes(SimpleNamespace(name="clip"), result)  # type: ignore[arg-type]
     assert head.startswith("clip: feasible; 1.50 x its time") and head.endswith("12 mm")
     assert (
         re.findall(r"joint_(\d) ([\d.]+)", most)[:2] == [("8", "45.8"), ("7", "40.1")]
         and most.count("joint_") == 6
     )
+    assert "ZMP, arms" in undone
 
 
 def test_options_of_a_clip_that_do_not_belong_to_it_are_refused(tmp_path: Path, capsys: Said) -> None:
@@ -101,7 +103,13 @@ def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stand
     monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (robot, clip))
     monkeypatch.setattr(motion_command, "check_motion", lambda *_: SimpleNamespace(feasible=feasible))
     made = SimpleNamespace(
-        clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.01, changes={"a": 0.1}
+        clip="made",
+        after=measures(),
+        before=measures(),
+        stretched=1.5,
+        shortened=0.01,
+        changes={"a": 0.1},
+        unfinished=(),
     )
     monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
 
@@ -145,7 +153,13 @@ def test_a_filtered_clip_is_written_and_told_in_degrees_and_millimetres(
 ) -> None:
     clip: Any = SimpleNamespace(name="clip")
     made = SimpleNamespace(
-        clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.012, changes={"a": 0.1}
+        clip="made",
+        after=measures(),
+        before=measures(),
+        stretched=1.5,
+        shortened=0.012,
+        changes={"a": 0.1},
+        unfinished=(),
     )
     written: list[Any] = []
     monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (None, clip))

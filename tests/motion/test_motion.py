@@ -131,6 +131,8 @@ def test_a_clip_that_is_written_is_read_with_the_names_of_its_joints(
     """Whatever a joint is called, in one piece or several: other names are refused, and nothing is written."""
     pieces = [*'a,1#é" \\\n\t\0\x1c\u2028\ufeff\ud800', "time", "x", "left_stands", "nan", ""]
     path, written = tmp_path / f"clip.{ending}", 0
+    write_motion(replace(arms, joint_names=(), joints=arms.joints[:, :0]), path)
+    assert read_motion(path).joint_names == () and read_motion(path).joints.shape == (len(arms), 0)
     for k, name in enumerate([*pieces, *map("".join, np.random.default_rng(0).choice(pieces, (60, 3)))]):
         clip = replace(arms, joint_names=(name, *(f"{j} of {k}" for j in arms.joint_names[1:])))
         path.unlink(missing_ok=True)

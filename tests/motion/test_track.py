@@ -18,11 +18,11 @@ from wbc import load_robot
 from wbc.app.cli import main
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, MotionSource, make_feasible, write_motion
+from wbc.motion import MotionClip, MotionSource, make_feasible, tracking_settings, write_motion
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.source import FADE, TrackedFoot, clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
-from wbc.walking import Reference
+from wbc.walking import Reference, WalkingControl
 from wbc.walking.contact import Event
 from wbc.walking.plans.swing import FootMotion
 
@@ -187,6 +187,19 @@ def test_a_robot_that_does_not_stand_as_the_clip_begins_is_told_the_joint_and_bo
         with pytest.raises(InputError, match=name) as refusal:
             MotionSource(robot, steps, DT)
         assert f"{moved[i]:.3f} rad" in str(refusal.value) and f"{q[i]:.3f} rad" in str(refusal.value)
+
+
+def test_a_clip_is_played_once_by_its_robot_with_its_period(steps: MotionClip) -> None:
+    robots = [load_robot(name).robot() for name in ("g1", "g1", "hrp4_class")]
+    robots[0].update(steps.configurations(robots[0])[0], np.zeros(robots[0].nv))
+    source = MotionSource(robots[0], steps, DT)
+    for robot, dt in ((robots[1], DT), (robots[2], DT), (robots[0], 0.004)):
+        with pytest.raises(InputError, match="another one"):
+            WalkingControl(robot, source, dt, tracking_settings())
+    WalkingControl(robots[0], source, DT, tracking_settings())
+    source.update(SimpleNamespace(time=DT, load=np.zeros(2)))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="has played"):
+        WalkingControl(robots[0].clone(), source, DT, tracking_settings())
 
 
 def test_a_clip_is_placed_under_the_feet_of_a_robot(g1: Robot, steps: MotionClip) -> None:

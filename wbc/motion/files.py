@@ -331,6 +331,8 @@ def _placed(data: Arrays) -> tuple[AnyArray, AnyArray]:
 
 def _texts(names: AnyArray) -> tuple[str, ...]:
     """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
+    if not names.size:  # NumPy makes an array of numbers of no names
+        return ()
     if names.dtype.kind == "V" or (names.dtype == np.uint8 and names.ndim == 2):  # bytes, and letters of C
         width = names.dtype.itemsize * (names.shape[1] if names.dtype == np.uint8 else 1)
         names = np.ascontiguousarray(names).view(f"S{width}")

@@ -57,8 +57,9 @@ def source_of(
     """Return the source of the references: that of the steps of the mode, or the user's own.
 
     Raises:
-        InputError: Free steps in position control, or made for another control period; an extent of the ground for a
-            source of one's own, or one whose limits are not in order; a plan that cannot be walked.
+        InputError: Free steps in position control, or made for another control period; a source that refuses its use;
+            an extent of the ground for a source of one's own, or one whose limits are not in order; a plan that cannot
+            be walked.
     """
     s = settings
     if extent is not None:
@@ -77,6 +78,7 @@ def source_of(
             f"control of {dt:g} s"
         )
     if isinstance(source, ReferenceSource):
+        source.check_use(robot, dt)
         return source
     plan = FootstepPlan.standing(robot) if source is None else source
     if not s.free:

@@ -156,6 +156,9 @@ class ReferenceSource(ABC):
                 its policy.
         """
 
+    def check_use(self, robot: Robot, dt: float) -> None:  # noqa: B027 - most sources are for any
+        """Raise an `InputError` if the source is not for a control of this robot with a period, s, or has been used."""
+
     @property
     def finished(self) -> bool:
         """True when all orders are done and the robot stands."""

@@ -138,6 +138,7 @@ def _filter(file: Path, name: str, options: ClipOptions, output: Output) -> Repo
         "changed_most_deg": {name: float(np.degrees(value)) for name, value in result.changes.items()},
         "steps_shortened_mm": 1e3 * result.shortened,
         "stretched": result.stretched,
+        "unfinished": list(result.unfinished),
     }
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
 
@@ -150,6 +151,7 @@ def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, ou
         feasible = make_feasible(robot, given)
         clip, lines = feasible.clip, _changes(given, feasible)
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
+        data |= {"unfinished": list(feasible.unfinished)}
     result, trial, hooks = live.run(
         lambda: TrackTrial(clip, spec, visuals=live.view is not None),
         lambda trial, hooks: trial.run(hooks),
@@ -193,10 +195,12 @@ def _changes(given: MotionClip, result: FeasibleMotion) -> list[str]:
     verdict = "feasible" if result.after.feasible else "still not feasible everywhere"
     most = sorted(result.changes, key=lambda name: -result.changes[name])[:6]
     changed = ", ".join(f"{name} {np.degrees(result.changes[name]):.1f}" for name in most)
+    unfinished = [f"  not finished: {', '.join(result.unfinished)}"] if result.unfinished else []
     return [
         f"{given.name}: {verdict}; {result.stretched:.2f} x its time, steps shortened by up to "
         f"{1e3 * result.shortened:.0f} mm",
         f"  {'':<34}{'before':>10}{'after':>10}",
         *_table(result.before, result.after),
         f"  changed most, degrees: {changed}",
+        *unfinished,
     ]
