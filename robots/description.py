@@ -17,6 +17,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.files import home_path
 from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_scalar
 from wbc.base.settings import NonNegative, Number, Positive
@@ -29,6 +30,7 @@ from wbc.robots import frames, write_urdf
 from wbc.robots.derivation import link_shapes, posture
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import feet_hint
+from wbc.robots.derivation.inertia import defect
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
 from wbc.robots.mechanism import Mechanism, unlimited
 from wbc.robots.options import DescriptionOptions
@@ -141,8 +143,15 @@ class RobotDescription:
             choose("joint", name, names)
         if len(set(self.passive)) < len(self.passive):
             raise InputError(f"passive joints must be named once each, got {', '.join(self.passive)}")
-        for name in self.foot_inertia:
+        for name, numbers in self.foot_inertia.items():
             choose("sole", name, frames.SOLE_NAMES)
+            if not numbers[0] > 0.0:
+                raise InputError(
+                    f"the foot_inertia of '{name}' must have a mass above 0, got {numbers[0]:g} kg"
+                )
+            foot = pin.Inertia.FromDynamicParameters(np.array(numbers))
+            if why := defect(foot.mass, foot.inertia):
+                raise InputError(f"the foot_inertia of '{name}' is that of no body: {why}")
         for name, (low, high) in self.torque_ranges.items():
             if not low < high:
                 raise InputError(
@@ -197,7 +206,7 @@ class RobotDescription:
             source,
             (left_sole, right_sole),
             sole_size,
-            package_dirs=tuple(str(Path(folder).expanduser()) for folder in package_dirs),
+            package_dirs=tuple(str(home_path(folder)) for folder in package_dirs),
             fixed=base == "fixed",
             lock=options.get("lock") or {},
             repair=options.get("repair", False),

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.base.errors import InputError, WbcError, names_in, shown_path
-from wbc.base.files import decoding, first_tag, read_toml, read_xml, write_text
+from wbc.base.files import decoding, first_tag, home_path, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
@@ -82,18 +82,14 @@ def _references(path: str, _time: int, _size: int) -> tuple[tuple[str, ...], tup
     except WbcError:  # which its reader raises
         return (), ()
     above = list(place.parents)[: PACKAGE_DEPTH + 1]
-    within = [place.parent / Path(each).expanduser() for each in folders if isinstance(each, str)]
-    named = [
-        str(Path(name).expanduser()) if name[:1] == "~" else name for name in names if isinstance(name, str)
-    ]
+    within = [place.parent / home_path(each) for each in folders if isinstance(each, str)]
+    named = [str(home_path(name)) if name[:1] == "~" else name for name in names if isinstance(name, str)]
     return tuple(dict.fromkeys(named)), tuple(map(str, (*within, *above)))
 
 
 def read(path: str | Path) -> RobotDescription:
     """Return the description of a robot in an MJCF, a URDF or a TOML description; `InputError` if it cannot be used."""
-    place = Path(path).expanduser()
-    if not place.is_file():
-        raise InputError(f"no robot file {shown_path(path)}; give an MJCF, a URDF or a TOML description")
+    place = home_path(path)
     if place.suffix.lower() != ".toml":
         return describe(place, {})
     values = read_toml(place)
@@ -104,7 +100,7 @@ def read(path: str | Path) -> RobotDescription:
         if not name.isprintable():
             raise InputError(f"{shown_path(path)} names {shown_path(name)}")
     values.setdefault("name", place.stem)
-    return describe(place.parent / Path(source).expanduser(), values)
+    return describe(place.parent / home_path(source), values)
 
 
 def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
@@ -118,7 +114,7 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
 
 def write(target: Path, path: Path, parameters: Mapping[str, Any]) -> None:
     """Write a TOML description of the robot in a file, with some parameters of its reader as plain values."""
-    lines, tables = [f"file = {_toml(str(path.expanduser().resolve()))}"], []
+    lines, tables = [f"file = {_toml(str(home_path(path).resolve()))}"], []
     for key, value in parameters.items():
         if isinstance(value, Mapping):
             tables += [f"[{key}]", *(f"{_toml(name)} = {_toml(each)}" for name, each in value.items())]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterable
 from functools import lru_cache
@@ -103,7 +104,7 @@ def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:
             tail = name.split("/", 1)[-1]
             candidates = [folder / part for folder in places for part in (name, tail)]
         for path in candidates:
-            if path.is_file():
+            if os.path.isfile(path):  # False for a name that is too long, too
                 return path
     return None
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
+from wbc.base.files import existing
 from wbc.base.registry import Registry
 from wbc.robots import files
 from wbc.robots.description import RobotDescription
@@ -110,7 +111,7 @@ def load(name: str | Path) -> RobotDescription:
             )
         return description
     if name not in _FACTORIES and files.is_path(name):
-        path = Path(name).expanduser()
+        path = existing(name, "robot", "an MJCF, a URDF or a TOML description")
         return _read(str(path), files.stamps(path))
     return _load(name, _FACTORIES[name])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
-from wbc.base.files import parse_xml, read_xml
+from wbc.base.files import existing, parse_xml, read_xml
 from wbc.base.numbers import Array
 from wbc.core.frames import yaw_rotation
 from wbc.core.model import Coupling
@@ -269,14 +268,6 @@ def _root(source: str | Path) -> tuple[Element, str]:
         prefix = "; take the prefix of its namespace (xmlns:…) out" if root.tag.endswith("}robot") else ""
         raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>{prefix}")
     return root, where
-
-
-def existing(name: str, kind: str, choices: str) -> Path:
-    """Return the path of a file of a kind such as "URDF"; without one an `InputError` with the choices."""
-    path = Path(name).expanduser()
-    if not os.path.isfile(path):  # False for a name that is too long, too
-        raise InputError(f"no {kind} file {shown_path(path)}; give {choices}")
-    return path
 
 
 def _xacro(where: str) -> str:

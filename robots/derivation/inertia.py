@@ -43,21 +43,21 @@ def repair_inertias(robot: Urdf, fixed: bool, repair: bool) -> list[str]:
     """
     notes = []
     for name, inertial in robot.links.items():
-        if inertial is None or not (defect := _defect(inertial.mass, inertial.inertia)):
+        if inertial is None or not (why := defect(inertial.mass, inertial.inertia)):
             continue
         done = ""
         if repair:
             robot.links[name] = None if inertial.mass <= 0.0 else _clamped(inertial)
             done = "; its inertial element was removed" if inertial.mass <= 0.0 else "; repaired"
-        notes.append(f"link '{name}': {defect}{done}")
-    for name, (defect, own) in _massless(robot, fixed).items():
+        notes.append(f"link '{name}': {why}{done}")
+    for name, (why, own) in _massless(robot, fixed).items():
         done = ""
         if repair:
             mass, old = max(REPAIRED_MASS, own), robot.links[name]
             place = pin.SE3.Identity() if old is None else old.place
             robot.links[name] = Inertial(mass, 2.0 * mass * REPAIRED_RADIUS**2 * np.eye(3), place)
             done = f"; repaired with {mass:g} kg"
-        notes.append(f"link '{name}': {defect}{done}")
+        notes.append(f"link '{name}': {why}{done}")
     if notes and not repair:
         raise ModelError(
             f"the model cannot be simulated: {'; '.join(notes)}. Correct the file, or pass repair=True (--repair) to "
@@ -74,8 +74,8 @@ def _clamped(inertial: Inertial) -> Inertial:
     return inertial._replace(inertia=np.trace(moments) * np.eye(3) - moments)
 
 
-def _defect(mass: float, inertia: Array) -> str:
-    """Return why no body can have an inertia; empty where one can."""
+def defect(mass: float, inertia: Array) -> str:
+    """Return why no body can have a mass, kg, and an inertia about its centre, kg m²; empty where one can."""
     if mass < 0.0:
         return f"negative mass {mass:g} kg"
     if mass == 0.0:

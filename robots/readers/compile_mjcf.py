@@ -9,15 +9,14 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import decoding, first_tag, read_xml
+from wbc.base.files import decoding, existing, first_tag, read_xml
 from wbc.robots.mesh_files import mesh_defect
-from wbc.robots.urdf import MOST_LINKS, existing
+from wbc.robots.urdf import MOST_LINKS
 
 MOST_FOLDERS = 100
 """Most folders of meshes, pictures and included files that an MJCF may name."""
@@ -30,7 +29,7 @@ OTHER_FORMATS = {
 """First tag of a file that is no MJCF → what it is, and what to do."""
 
 
-def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
+def compiled(source: object, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
     """Return MuJoCo's compiled model of an MJCF, and the meshes that are moved against their files (refpos, refquat).
 
     The source is the path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
@@ -83,6 +82,7 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     """Return the name of a source for messages, and a function that reads it."""
     content = str(source)
     if content.lstrip().startswith("<"):
+        content.encode()  # surrogates, which no XML holds, are a ValueError
         _refuse_other_formats("MJCF string", content)
         refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
@@ -152,7 +152,7 @@ def _texts(path: Path) -> dict[str, str]:
     texts: dict[str, str] = {}
     waiting = [path.name]
     for name in waiting:
-        if name in texts or not (path.parent / name).is_file():
+        if name in texts or not os.path.isfile(path.parent / name):
             continue
         try:
             texts[name] = read_xml(path.parent / name, "MJCF")
@@ -186,7 +186,7 @@ def _defects(spec: mujoco.MjSpec) -> str:
     named = [(spec.meshdir, each.file) for each in spec.meshes]
     named += [(spec.texturedir, each.file) for each in spec.textures]
     for place in (folder / part / name for part, name in named if name):
-        if place.is_file() and (defect := mesh_defect(place)):
+        if os.path.isfile(place) and (defect := mesh_defect(place)):
             found[f"; {place.name} {defect}"] = None
     return "".join(found)
 

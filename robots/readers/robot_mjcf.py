@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+import mujoco
 import numpy as np
 
 from wbc.base.errors import ModelError
@@ -29,7 +29,7 @@ NO_SPEEDS = (
 
 
 def read(
-    source: Any,
+    source: object,
     soles: tuple[str | FrameDescription | None, str | FrameDescription | None],
     sole_size: tuple[float, float] | None,
     *,
@@ -92,14 +92,14 @@ def _unmodelled(tree: Tree, chains: Sequence[chains_mjcf.Chain]) -> list[str]:
     return unmodelled(tree.model, tree.bodies, {number: name for name, number in tree.joints.items()}, ties)
 
 
-def _origin(source: Any) -> str:
+def _origin(source: object) -> str:
     if not isinstance(source, (str, Path)):
         return "MjSpec"
     return "MJCF string" if str(source).lstrip().startswith("<") else str(source)
 
 
 def _tree_of(
-    model: Any, root: str | None, lock: Mapping[str, float], fixed: bool
+    model: mujoco.MjModel, root: str | None, lock: Mapping[str, float], fixed: bool
 ) -> tuple[Tree, list[chains_mjcf.Chain], list[str], list[str]]:
     """Return the robot, its closed chains, and its joints without a drive: those that are fixed, those that are not."""
     tree = tree_mjcf.find_tree(model, root, lock, fixed)
@@ -115,12 +115,12 @@ def _tree_of(
     return tree, chains, [*passive, *tree.ball_joints()], idle
 
 
-def _model_name(model: Any) -> str:
+def _model_name(model: mujoco.MjModel) -> str:
     name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")
     return "" if name == "MuJoCo Model" else name
 
 
-def _refuse_odd_inertias(model: Any) -> None:
+def _refuse_odd_inertias(model: mujoco.MjModel) -> None:
     for body in range(1, model.nbody):
         numbers = np.concatenate([[model.body_mass[body]], model.body_inertia[body], model.body_ipos[body]])
         if not np.isfinite(numbers).all():

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from wbc.base.errors import InputError
+from wbc.base.files import home_path
 from wbc.core.frames import FrameDescription
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation.complete import FileRobot
@@ -29,7 +30,7 @@ def read(
     if (left is None) != (right is None):
         raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
     is_file, robot = urdf.is_file(source), urdf.read(source)
-    folder = Path(source).expanduser().resolve().parent if is_file else None
+    folder = home_path(source).resolve().parent if is_file else None
     meshes = (shape.file for shape in robot.shapes if shape.kind == "mesh")
     folders, notes = mesh_folders(meshes, package_dirs, folder)
     locked, changes = tidying.tidy(robot, fixed, lock, repair)

@@ -113,6 +113,7 @@ def test_a_tick_whose_targets_fail_holds_the_last_torques() -> None:
     refused = control.refuse(state, RuntimeError("no such table"))
     held = control.act(refused)
     assert not refused.ok and control.failures == 1 and "no such table" in control.status()
+    assert control.refuse(refused, RuntimeError("twice")) is refused and control.failures == 1
     np.testing.assert_array_equal(held.joint_torque, first.joint_torque)
 
 

@@ -16,6 +16,7 @@ from wbc import Measurement
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.sensing import SafetySettings
 from wbc.core.estimation.falls import LASTING, SLOPE, FallDetector, FallReason
+from wbc.core.robot import GRAVITY
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking import WalkingControl, WalkingControlSettings
@@ -120,10 +121,16 @@ def test_a_control_of_a_robot_that_has_fallen_damps_until_it_is_reset(mode: str)
     assert (torque * velocity <= 1e-9).all() and (np.abs(torque) <= 1.5 * limit).all()
     assert (np.abs(torque) >= np.minimum(0.99 * share * limit * np.abs(velocity), 0.99 * limit)).all()
     upper = control.controller.robot.position_upper
+    hanging = np.full((2, 6), -0.5 * control.controller.robot.mass * GRAVITY) * [0, 0, 1, 0, 0, 0]
     for tick in range(1, 40):  # encoders that stay beyond their range are believed in the end
-        beyond = {"joint_position": upper + 0.01, "joint_velocity": np.zeros(len(upper))}
+        beyond = {
+            "joint_position": upper + 0.01,
+            "joint_velocity": np.zeros(len(upper)),
+            "sole_wrench": hanging,
+        }
         command = control.command(replace(measurement, time=measurement.time + 0.004 * tick, **beyond))
         assert command.joint_position is None or (command.joint_position <= upper).all()
+    assert not control.sensing.plausibility.pull  # feet of a robot that lies may read anything
     control.reset()
     assert control.fallen is None and not control.damped
 

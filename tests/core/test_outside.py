@@ -99,6 +99,22 @@ def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> 
     assert np.abs(observer.wrench[:3]).max() < 1e-6
 
 
+def test_what_the_model_explains_in_the_middle_of_a_tare_is_no_part_of_it() -> None:
+    """The tare is the error of sensors and model, whenever the model has learnt of the load in the hand."""
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, OutsideSettings(settling=0.2, tare=0.5, bandwidth=150.0))
+    load, error = np.array([3.0, 0.0, -8.0, 0.2, 1.0, 0.0]), np.array([2.0, 0.0, -5.0, 0.0, 1.0, 0.0])
+    arm = robot.placement(robot.frames["left_hand"]).translation - robot.com
+    for tick in range(200):
+        if tick == 90:
+            observer.explain([*load[:3], *(load[3:] + np.cross(arm, load[:3]))])
+        observer.update(at_rest(robot, error + load if tick < 90 else error), DT if tick else 0.0)
+        assert observer.ready or not observer.wrench.any()
+    about_com = np.concatenate([error[:3], error[3:] + np.cross(arm, error[:3])])
+    assert observer.tare == pytest.approx(about_com, abs=1e-6)
+    assert observer.wrench == pytest.approx(EMPTY, abs=1e-6)
+
+
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.1, -0.06])
 def test_what_hands_bear_from_the_start_is_no_tare_unless_they_are_said_to_be_empty(share: float) -> None:
     """A tare is an error of sensors and model, up to 3 % of the weight; a load, or a rope, is more."""

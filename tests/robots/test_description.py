@@ -104,6 +104,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "pushing spring": ({"springs": {"l_knee": (-5.0, 0.0)}}, r"springs\['l_knee'\]\[0\] of RobotDescription"),
     "spring at nowhere": ({"springs": {"l_knee": (5.0, math.nan)}}, r"springs\['l_knee'\]\[1\]"),
     "foot of no sole": ({"foot_inertia": {"left": (1.0,) * 10}}, "no sole 'left'"),
+    "foot that floats up": ({"foot_inertia": {"left_foot": (-1.0, *[0.0] * 9)}}, "mass above 0, got -1 kg"),
+    "foot of no body": ({"foot_inertia": {"left_foot": (1.0,) * 10}}, "'left_foot' is that of no body"),
     "nine numbers": ({"foot_inertia": {"left_foot": (1.0,) * 9}}, r"foot_inertia\['left_foot'\]"),
     "too far": ({"half_sitting": "+"}, "half-sitting of joint 'l_knee'"),
 }

@@ -14,7 +14,9 @@ from mjcf_biped import biped
 
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.frames import FrameDescription
-from wbc.robots import files, frames, load, registry
+from wbc.robots import RobotDescription, files, frames, load, registry
+
+BIPED = Path(__file__).parents[2] / "examples" / "biped.urdf"
 
 SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}
 
@@ -175,3 +177,19 @@ def test_a_robot_is_read_anew_when_a_file_that_it_refers_to_has_changed(changed:
     (tmp_path / changed).write_text(texts[changed].replace(old, new))
     os.utime(tmp_path / changed, (2e9, 2e9))  # MuJoCo keeps meshes of one second
     assert load(tmp_path / "arm.toml").robot().mass == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["\0.urdf", "a\ud800.xml", f"{'x' * 5000}.toml", "~nobody-at-all/a.urdf", "~\0/a.xml"]
+)
+def test_a_path_that_no_file_has_is_one_of_no_robot(name: str) -> None:
+    for read in (load, RobotDescription.from_urdf, RobotDescription.from_mjcf):
+        with pytest.raises(InputError, match="^no (robot|URDF|MJCF) file .*; give"):
+            read(name)
+
+
+def test_a_mesh_of_too_long_a_name_is_not_found() -> None:
+    mesh = f'<visual><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></visual></link>'
+    text = BIPED.read_text(encoding="utf-8").replace("</link>", mesh, 1)
+    robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
+    assert any("1 of 1 meshes are not found" in line for line in robot.derived)

@@ -60,6 +60,22 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
         yield Path(path)
 
 
+def home_path(path: str | Path) -> Path:
+    """Return a path with the home folder in place of `~`; that of an unknown user, or of odd text, stays as it is."""
+    try:
+        return Path(os.path.expanduser(path))
+    except ValueError:
+        return Path(path)
+
+
+def existing(name: str | Path, kind: str, choices: str) -> Path:
+    """Return the path of a file of a kind such as "URDF"; without one an `InputError` with the choices."""
+    path = home_path(name)
+    if not os.path.isfile(path):  # False for a name that is too long, or that no file can have
+        raise InputError(f"no {kind} file {shown_path(path)}; give {choices}")
+    return path
+
+
 def stamped_file(name: str, what: str, *endings: str) -> str:
     """Return the name of a file with the hash of its content, and of that of files beside it with other endings.
 

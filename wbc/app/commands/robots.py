@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
-from wbc.base.files import check_target
+from wbc.base.files import check_target, existing
 from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Positive, settings
 from wbc.robots import files, load, names
@@ -105,9 +105,7 @@ def robots(
 
 def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
     """Report what is in the file of a robot, what was derived and what is doubtful."""
-    path, parameters = Path(file).expanduser(), options.parameters()
-    if not path.is_file():
-        raise InputError(f"no robot file '{file}'; give an MJCF or a URDF")
+    path, parameters = existing(file, "robot", "an MJCF or a URDF"), options.parameters()
     target = None
     if options.out is not None:
         target = check_target("a description", options.out, (".toml",), [path])

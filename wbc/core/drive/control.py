@@ -344,7 +344,12 @@ class DriveControl(Control):
         )
 
     def refuse(self, state: State, error: Exception) -> State:
-        """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""
+        """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then.
+
+        A tick that has failed already stays as it is: it counts once.
+        """
+        if not state.ok:
+            return state
         if isinstance(error, MeasurementError):
             self._record.add(f"measurement refused: {error}")
         else:

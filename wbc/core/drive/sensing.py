@@ -47,7 +47,8 @@ class Sensing:
         on_fall: Reaction to a fall; see `SafetySettings`.
         plausibility: Check of measurements.
         accelerometer: Check of the direction of the specific force.
-        monitor: Monitor of sensors that contradict each other, after `watch`; None in a simulation as a rule.
+        monitor: Monitor of sensors that contradict each other, after `watch`, until a fall; None in a simulation as a
+            rule.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
         falls: Detector of a fall, by the estimate.
         measurement: Last measurement that was used, with what was refused replaced by predictions; None before one.
@@ -114,7 +115,11 @@ class Sensing:
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
             measurement = self._estimator().fill(measurement)
-        measurement, renewed = self.plausibility.check(measurement, felt=not blind, forgiven=forgiven)
+        stands = (
+            self.falls.reason is None
+        )  # what its feet and its IMU read where it lies says nothing of them
+        felt = stands and not blind
+        measurement, renewed = self.plausibility.check(measurement, felt=felt, forgiven=forgiven)
         if measurement.sole_wrench is None:  # a sensor that is refused for too long
             blind, measurement = True, self._estimator().fill(measurement)
         observer = self.observer
@@ -126,7 +131,7 @@ class Sensing:
             measurement = self._estimator().observe(
                 measurement, *observer.measured_state, observer.rest.lifts
             )
-        if self.monitor is not None:
+        if self.monitor is not None and stands:
             asked = self._asked if follows else None
             self.monitor.update(self.plausibility.values, measurement, observer, asked)
         self.measurement = measurement

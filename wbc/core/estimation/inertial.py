@@ -23,7 +23,7 @@ from pydantic import Field
 
 from wbc.base.checked import result
 from wbc.base.numbers import Array, lag_gain, scalar
-from wbc.base.settings import Positive, settings
+from wbc.base.settings import SMALLEST, Positive, settings
 from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
 
@@ -44,7 +44,7 @@ class InertialSettings:
     velocity_time_constant: Annotated[Positive, "s"] = 0.05
     tilt_time_constant: Annotated[Positive, "s"] = 2.0
     yaw_time_constant: Annotated[Positive, "s"] = 1.0
-    bias_time_constant: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "s"] = 8.0
+    bias_time_constant: Annotated[float, Field(ge=SMALLEST, allow_inf_nan=True), "s"] = 8.0
     flight_time_constant: Annotated[Positive, "s"] = 1.0
 
 

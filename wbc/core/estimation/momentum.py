@@ -43,10 +43,6 @@ class MomentumResidual:
         if value is not None:
             self.value[:] = value
 
-    def shift(self, by: Array) -> None:
-        """Add a force to the residual, shape (size,), N and Nm."""
-        self.value += by
-
     def update(self, momentum: Array, known: Array, dt: float) -> Array:
         """Return the residual for one more momentum, dt, s, after that which it follows, under a known force."""
         unknown = (momentum - self._momentum) / dt

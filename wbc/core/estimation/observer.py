@@ -26,7 +26,7 @@ from pydantic import Field
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, lag_gain
-from wbc.base.settings import NonNegative, Positive, settings
+from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.estimation.delay import DelayPredictor
@@ -225,7 +225,8 @@ class Observer:
         if self._predictor is not None:
             self._predictor.commanded(acceleration, dt)
 
-    def resume(self, time: float) -> None:
+    @checked
+    def resume(self, time: Annotated[Number, "s"]) -> None:
         """Continue from another time stamp, s, without integrating over the gap."""
         self.time = time
 

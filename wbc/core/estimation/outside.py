@@ -64,6 +64,10 @@ class _Tare:
         """True when the mean has been taken."""
         return self._time >= self._settings.tare
 
+    def explain(self, wrench: Array) -> None:
+        """Take a wrench, which the model accounts for now, off what has been averaged."""
+        self._sum -= self._time * wrench
+
     def add(self, wrench: Array, weight: float, dt: float) -> None:
         """Average a wrench over dt, s, and take the mean over when there is enough, but not of hands that bear."""
         self._sum += dt * wrench
@@ -143,8 +147,12 @@ class OutsideWrench:
         """
         if self._residual.started:
             self._residual.follow(self._momentum_now())
-        self._residual.shift(-np.asarray(wrench))
-        self.wrench = self.wrench - wrench
+        taken = np.array(wrench)
+        self._residual.value -= taken
+        if self.ready:
+            self.wrench = self.wrench - taken
+        else:
+            self._tare.explain(_turned(taken, self._ahead.conjugate()))
 
     def update(self, wrenches: Array, dt: float) -> None:
         """Take in measured wrenches on the soles, shape (soles, 6), after dt, s; `wrench` is then a new array.
@@ -163,11 +171,15 @@ class OutsideWrench:
             return
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         self._residual.update(momentum, known, dt)
-        ahead = direction(robot.data.oMi[1].rotation)
         if self.ready:
-            self.wrench = self._residual.value - _turned(self._tare.value, ahead)
+            self.wrench = self._residual.value - _turned(self._tare.value, self._ahead)
         elif self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
-            self._tare.add(_turned(self._residual.value, ahead.conjugate()), weight, dt)
+            self._tare.add(_turned(self._residual.value, self._ahead.conjugate()), weight, dt)
+
+    @property
+    def _ahead(self) -> complex:
+        """Heading of the base."""
+        return direction(self._robot.data.oMi[1].rotation)
 
     def _momentum_now(self) -> Array:
         """[linear; angular about the CoM] of the model as it is, in the world, kg m/s and kg m²/s."""

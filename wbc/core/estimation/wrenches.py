@@ -22,9 +22,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dposv
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import Positive, Share, settings
+from wbc.base.settings import NonNegative, Period, Positive, Share, settings
 from wbc.core.estimation.momentum import LIFT_OFF, TOUCH_DOWN, MomentumResidual
 from wbc.core.frames import frame_jacobian
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
@@ -58,6 +59,12 @@ class WrenchSettings:
     bandwidth: Annotated[Positive, "rad/s"] = 80.0
     touch_down: Share = TOUCH_DOWN
     lift_off: Share = LIFT_OFF
+
+    def __post_init__(self) -> None:
+        if self.lift_off > self.touch_down:
+            raise InputError(
+                f"lift_off must not exceed touch_down, got {self.lift_off:g} and {self.touch_down:g}"
+            )
 
 
 class SentCommands:
@@ -117,25 +124,22 @@ class WrenchEstimator:
         outside: Generalised forces of whatever else holds a robot that is `held`, shape (nv,), N and Nm.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
-        dt: float,
+        dt: Period,
         settings: WrenchSettings | None = None,
         *,
         gains: tuple[Array, Array] | None = None,
-        delay: float = 0.0,
+        delay: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
         """Start with the robot standing still on all soles, without any command; its state is not used.
 
         dt is the control period, s. Gains are kp and kd for commands that bring none, each of shape (na,), those of the
         robot's servos, or zero, when None. The delay is the sum of those of measurement and command, s.
         """
-        if not dt > 0.0:
-            raise InputError(f"dt of a WrenchEstimator must be positive, got {dt} s")
         self.settings = s = settings or WrenchSettings()
-        if s.lift_off > s.touch_down:
-            raise InputError(f"lift_off must not exceed touch_down, got {s.lift_off:g} and {s.touch_down:g}")
         self._model, self._data = robot.model, robot.model.createData()
         if gains is None and robot.servos is not None:
             gains = robot.servos.kp, robot.servos.kd

@@ -172,7 +172,7 @@ class Plausibility:
     ) -> tuple[Measurement, bool]:
         """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
 
-        The wrenches on the soles are those of sensors where they are `felt`, and else an estimate. Encoders of the
+        The wrenches on the soles are those of sensors of a robot on its feet where they are `felt`. Encoders of the
         joints that are `forgiven`, shape (na,), fail no tick: somebody else moves these joints.
 
         Refused readings are replaced by predictions, and `sole_wrench` is None while a force sensor is longer
