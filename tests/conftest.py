@@ -6,8 +6,6 @@ import os
 import pytest
 from properties import load_profile
 
-import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
-
 load_profile()
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each of a hundred children would compile the library anew
 gc.disable()  # until all tests are collected: half a million objects that stay

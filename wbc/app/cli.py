@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 
 from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentError, Parameter
 
-import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
 from wbc.base.errors import InputError, WbcError, one_line

@@ -1,7 +1,8 @@
 """Libraries that draw, where the environment names what this machine has not.
 
 MuJoCo reads `MUJOCO_GL` when it is imported, Matplotlib `MPLBACKEND`, and neither can be imported with a wrong one. A
-simulation runs without pictures then, and files are drawn without a backend.
+simulation runs without pictures then, and files are drawn without a backend. Without a display, renderers take EGL or
+OSMesa.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from ctypes.util import find_library
+from importlib import import_module
+from typing import Any
 
 from wbc.base.errors import WbcError
 
@@ -74,6 +77,7 @@ def opening() -> Iterator[None]:
     if _refusals:
         raise RenderError(_refusals[-1])
     try:
+        _take_library()
         yield
     except Exception as error:  # depends on the missing library
         kind, reason = os.environ.get(VARIABLE, ""), str(error) or type(error).__name__
@@ -81,6 +85,22 @@ def opening() -> Iterator[None]:
         if type(error).__name__ == "FatalError":
             _refusals.append(said)
         raise RenderError(said) from error
+
+
+def _take_library() -> None:
+    """Let MuJoCo's renderers take the library that `MUJOCO_GL` names; without it and a display the first installed one.
+
+    MuJoCo itself reads the variable only when it is imported, and takes the display's library without it.
+    """
+    shows = sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}
+    usual = "" if shows else next((value for value, name in LIBRARIES.items() if _is_installed(name)), "")
+    value = os.environ.get(VARIABLE, "").lower().strip() or usual
+    if value in LIBRARIES:
+        os.environ[VARIABLE] = value
+        import mujoco  # noqa: PLC0415 - who draws has imported it
+
+        contexts: Any = sys.modules[mujoco.Renderer.__module__]
+        contexts.gl_context.GLContext = import_module(f"mujoco.{value}").GLContext
 
 
 def _is_installed(library: str | None) -> bool:

@@ -8,9 +8,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
-
-# isort: split
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
