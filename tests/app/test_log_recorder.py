@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -224,6 +225,11 @@ def test_another_plant_or_robot_or_a_reset_is_another_log(tmp_path: Path) -> Non
         record.write(first.description, first.measure(), first.hold())
         with pytest.raises(InputError, match="another Recorder"):
             record.write(g1.description, g1.measure(), g1.hold())
+        for time in (math.nan, math.inf, first.time - 1e-6):  # nobody could read what is written then
+            with pytest.raises(InputError, match="another Recorder"):
+                record.write(first.description, replace(first.measure(), time=time), first.hold())
+        record.write(first.description, first.measure(), first.hold())
+    assert len(Log.open(record.path)) == 2
 
 
 def test_own_signals_of_every_kind(tmp_path: Path) -> None:
@@ -239,6 +245,10 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     assert array["own/place"].tolist() == [[1.0, 2.0, 3.0]] * 2 and array.units["own/place/y"] == "m"
     assert record_standing(path, 1, "a", lambda _: [1, 2, 3, 4]).parts("a") == ["a/0", "a/1", "a/2", "a/3"]
     assert record_standing(path, 2, "on", lambda _: True)["on"].tolist() == [1.0, 1.0]
+    for first, later in ((True, 0.5), (None, "calm"), (1, "calm")):
+        values = iter([first, later])
+        with pytest.raises(InputError, match=f"began with {first} and cannot keep {later!r}"):
+            record_standing(path, 2, "own", lambda _, values=values: next(values))
     states = iter(["calm", None, "calm"])
     assert record_standing(path, 3, "state", lambda _: next(states)).texts("state").tolist() == [
         "calm",

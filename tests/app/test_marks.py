@@ -268,6 +268,8 @@ def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
         assert mark.looks_like(Mark("m", "line", moved, RED)) is same
     assert not mark.looks_like(Mark("m", "line", points, DCM_COLOUR))
     assert not mark.looks_like(Mark("m", "line", points[:1], RED))
+    assert not mark.looks_like(replace(mark, size=2.0 * mark.size))
+    assert not mark.looks_like(replace(mark, kind="arrow"))
     scene = Told()
     for marks, told in (
         ([mark], [("show", "m")]),

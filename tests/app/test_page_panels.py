@@ -246,7 +246,7 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     def node(name: str, *parts: Any, **how: Any) -> Any:
         nodes[name] = SimpleNamespace(parts=parts, how=how, color=how.get("color"), removed=False)
         if len(parts) > 1:
-            nodes[name].vertices = np.asarray(parts[0], dtype=np.float32)
+            nodes[name].vertices, nodes[name].faces = np.asarray(parts[0], dtype=np.float32), parts[1]
         nodes[name].remove = lambda: setattr(nodes[name], "removed", True)
         return nodes[name]
 

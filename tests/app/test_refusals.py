@@ -45,6 +45,8 @@ REFUSED = {
     "study table STUDY --journal j --separate": "separate",
     "study table STUDY --journal empty.jsonl -o a.png": ".csv",
     "study show STUDY --arm hard": "soft",
+    "study show one.jsonl": "--journal one.jsonl",
+    "walk --spec one.jsonl": "--journal one.jsonl",
     "study run nowhere.json --journal j": "nowhere.json",
     "foot press --foot rigid --stiffness 5": "stiffness",
     "foot press --robot g1 --foot-param width=0.3": "wide",
@@ -67,6 +69,7 @@ FILES = {
     "colon.toml": ("step_length: 0.1", "TOML"),
     "equals.json": ("step_length = 0.1", "JSON"),
     "list.json": ("[1]", "object"),
+    "deep.json": ("[" * 100_000, "JSON"),
     "twice.json": ('{"seed": 1, "seed": 2}', "seed"),
     "drive.toml": ("plan.drive = [[1, 0.1, 0, 0]]", "stand"),
 }
@@ -87,9 +90,10 @@ def test_a_command_line_is_refused_and_writes_nothing(
     monkeypatch.chdir(tmp_path)
     Path("empty.jsonl").touch()
     Path("biped.xml").write_text(biped())
+    Path("one.jsonl").write_text('{"clock":null}\n')
     words = [word.replace("STUDY", str(STUDY)) for word in line.split()]
     check_refused(words, REFUSED[line], capsys)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["biped.xml", "empty.jsonl"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["biped.xml", "empty.jsonl", "one.jsonl"]
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -16,7 +16,8 @@ from wbc.app.log.header import FORMAT
 from wbc.app.log.signals import Signals
 from wbc.app.log.stances import sole_sizes
 from wbc.app.log.writer import LogWriter
-from wbc.app.repeat import first_difference, interventions_of, recorded_walk
+from wbc.app.repeat import RepeatWalk, first_difference, interventions_of, recorded_walk
+from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.robots import load
@@ -148,6 +149,10 @@ def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: 
     log = written(tmp_path / "log.arrow", {}, change)
     with pytest.raises(InputError, match=r"log\.arrow"):
         interventions_of(log)
+    if change.startswith("[") and "NaN" not in change:
+        for refuse in (RepeatWalk, lambda entries: LiveControls(None, None, repeat=entries)):
+            with pytest.raises(InputError, match="recorded change"):
+                refuse(json.loads(change))
 
 
 @pytest.mark.parametrize(

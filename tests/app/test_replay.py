@@ -409,6 +409,10 @@ def test_a_page_of_a_replay_answers_and_shows_any_tick(replay: Replay) -> None:
         with urllib.request.urlopen(player.url) as answer:
             assert answer.status == 200
         player.show(300)
+        slider = player._time
+        assert slider.min <= replay.log.time[0] and slider.max >= replay.log.time[-1], (
+            "every tick can be chosen"
+        )
     finally:
         player.close()
 

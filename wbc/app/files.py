@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from wbc.base.errors import InputError
-from wbc.base.files import check_target, read_json
+from wbc.base.files import check_target, parsing, read_text
+from wbc.sim.studies.journal import BEGIN
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
@@ -24,7 +26,11 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def read_object(what: str, path: Path) -> dict[str, Any]:
     """Return the object in a JSON file, of a `what` such as "walk"."""
-    data = read_json(path, object_pairs_hook=unique)
+    text = read_text(path, "JSON")
+    if text.startswith(BEGIN.decode()):
+        raise InputError(f"{path} is no {what} but a journal, which `wbc study` takes as --journal {path}")
+    with parsing(path, "JSON"):
+        data = json.loads(text, object_pairs_hook=unique)
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data

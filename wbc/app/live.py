@@ -7,13 +7,13 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from pydantic import Field
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wbc.app.output import progress_console
 from wbc.app.view import VIEWERS, Viewer
+from wbc.app.view.base import Port
 from wbc.app.view.controls import END, intervention_text
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
 TrialT = TypeVar("TrialT", bound="AnyTrial")
 ResultT = TypeVar("ResultT")
-
-Port = Annotated[int, Field(ge=0, le=65535)]
-"""Port to listen at; 0 is any free one."""
 
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.reader import Log
-from wbc.app.view.controls import END, ORDERS, LiveControls
-from wbc.base.errors import InputError, shown
-from wbc.base.files import parsing, stamped_file
+from wbc.app.view.controls import END, LiveControls, checked_interventions
+from wbc.base.errors import InputError
+from wbc.base.files import naming, stamped_file
 from wbc.robots import load
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
@@ -33,21 +33,8 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
     """Return the interventions of a run, to repeat it, from its log: what its page changed, and its end by Ctrl-C."""
     opened = log if isinstance(log, Log) else Log.open(log)
     found = opened.texts("view/change").tolist() if "view/change" in opened else []
-    with parsing(opened.path, "log that can be repeated"):
-        return [_checked(entry) for text in found if text for entry in json.loads(text)]
-
-
-def _checked(entry: Any) -> dict[str, Any]:
-    """Return an intervention; `ValueError` for one that cannot be repeated."""
-    known = ORDERS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
-    if known is None:
-        raise ValueError(f"a recorded change must be one of {', '.join(ORDERS)}, got {shown(entry)}")
-    for name, kind in {"time": float, **known.fields}.items():
-        value = entry.get(name)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not (number if kind is float else isinstance(value, kind)):
-            raise ValueError(f"{name} of a recorded change cannot be {shown(value)}")
-    return dict(entry)
+    with naming(opened.path, "log that can be repeated"):
+        return checked_interventions(entry for text in found if text for entry in json.loads(text))
 
 
 def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
@@ -97,9 +84,9 @@ class RepeatWalk(TrialHook):
 
     def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
         """Store the interventions; see `interventions_of`."""
-        entries = list(interventions)
+        entries = checked_interventions(interventions)
         self._changes = [entry for entry in entries if entry["what"] != END]
-        self._end = min((float(entry["time"]) for entry in entries if entry["what"] == END), default=math.inf)
+        self._end = min((entry["time"] for entry in entries if entry["what"] == END), default=math.inf)
         self.controls: LiveControls | None = None
 
     def start(self, trial: WalkTrial) -> None:

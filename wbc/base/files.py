@@ -6,7 +6,6 @@ import codecs
 import contextlib
 import hashlib
 import io
-import json
 import os
 import re
 import stat
@@ -186,12 +185,6 @@ def first_tag(text: str) -> str:
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     found = re.search(r"<\s*([A-Za-z][\w:.-]*)", text)
     return found[1] if found else ""
-
-
-def read_json(path: Path, **how: Any) -> Any:
-    """Return the values in a JSON file, or raise an `InputError`; `how` are options of `json.loads`."""
-    with parsing(path, "JSON"):
-        return json.loads(read_text(path), **how)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

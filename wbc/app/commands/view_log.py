@@ -11,9 +11,9 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.progress import track
 
-from wbc.app.live import Port
 from wbc.app.log.reader import Log
 from wbc.app.output import Output, Report, progress_console, reports
+from wbc.app.view.base import Port
 from wbc.base.errors import InputError
 from wbc.base.registry import run_code
 from wbc.base.settings import Count, Positive, settings

@@ -5,6 +5,8 @@ It only reads the objects of a run, so that a run gives the same numbers with an
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,7 +62,7 @@ class Recorder(TrialHook):
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._first: Tick | None = None
-        self._time = 0.0  # of the simulation, in the last tick, s
+        self._time = -math.inf  # of the measurement of the last tick, s
         self._model: Robot | None = None  # of a controller of one's own
 
     def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
@@ -100,13 +102,7 @@ class Recorder(TrialHook):
                 "a control without drives, or a Controller alone, is recorded by write(…); the program of a Controller "
                 "by add(…, lambda: program.path)"
             )
-        time = getattr(plant, "time", self._time)  # a loop of one's own may have neither time nor truth
-        if time < self._time:  # its times would not increase, and what follows could not be read
-            raise InputError(
-                f"{self.path} is the log of one run, and the simulation was reset; make another Recorder"
-            )
-        self._time = time
-        told = None if isinstance(plant, Plant) else getattr(plant, "truth", None)
+        told = None if isinstance(plant, Plant) else getattr(plant, "truth", None)  # one's own may have none
         truth = None if told is None else told()
         about = None if plant is None else plant.description
         state = drives.observer.robot
@@ -154,6 +150,14 @@ class Recorder(TrialHook):
             raise InputError(
                 f"{self.path} is the log of one plant and program; make another Recorder for others"
             )
+        if (
+            not self._time <= (time := float(tick.measurement.time)) < math.inf
+        ):  # nobody could read what follows
+            raise InputError(
+                f"{self.path} is the log of one run up to {self._time:g} s, got a measurement at {time:g} s; make "
+                "another Recorder after a reset"
+            )
+        self._time = time
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: Any) -> None:
@@ -201,13 +205,14 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
     Its numbers keep double precision: a stamp in seconds since 1970 would be 64 s off in single precision.
     """
     name, waiting = signal.name, [first]
-    text = isinstance(first, str)
+    text, flag = isinstance(first, str), isinstance(first, (bool, np.bool_))
 
     def numbers(value: Any) -> Array:
-        try:
-            return np.array(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"signal '{name}' cannot keep {value!r}") from error
+        with contextlib.suppress(TypeError, ValueError):
+            array = np.array(value, dtype=np.float64)
+            if not flag or isinstance(value, (bool, np.bool_)):
+                return array
+        raise InputError(f"signal '{name}' began with {first!r} and cannot keep {value!r}")
 
     shape = () if text else numbers(first).shape
 
@@ -222,10 +227,9 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
             raise InputError(f"signal '{name}' has changed from shape {shape} to {array.shape}")
         return array
 
-    if len(shape) > 1:
+    if len(shape) > 1 or 0 in shape:
         raise InputError(f"signal '{name}' must be a number or an array of one dimension, got shape {shape}")
     if not shape:
-        flag = isinstance(first, (bool, np.bool_))
         signals.one(name, signal.unit, signal.about, read, "text" if text else "flag" if flag else "double")
         return
     parts = {2: XY, 3: XYZ}.get(shape[0]) or tuple(map(str, range(shape[0])))

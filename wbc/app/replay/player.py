@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 
 import numpy as np
 
 from wbc.app.replay.replay import Replay
-from wbc.app.view.base import free_port
+from wbc.app.view.base import Port, free_port
 from wbc.app.view.viser_page import SPEEDS, ViserPage, ViserPanel
 from wbc.base.checked import checked
 
@@ -23,7 +24,7 @@ class Player:
     """
 
     @checked
-    def __init__(self, replay: Replay, port: int | None = None) -> None:
+    def __init__(self, replay: Replay, port: Port | None = None) -> None:
         """Start serving the page on this machine.
 
         Args:
@@ -38,8 +39,9 @@ class Player:
         self._page = ViserPage(free_port(port), replay.title)
         self._panel = ViserPanel(self._page, replay)
         self.url, gui = self._page.url, self._panel.gui
-        self._tick, first, last = -1, float(self._times[0]), float(self._times[-1])
-        self._time = gui.add_slider("time (s)", round(first, 2), round(last, 2), 0.01, round(first, 2))
+        self._tick, first = -1, math.floor(100.0 * self._times[0]) / 100.0
+        last = math.ceil(100.0 * self._times[-1]) / 100.0  # no earlier than the last tick
+        self._time = gui.add_slider("time (s)", first, last, 0.01, first)
         self._playing = gui.add_checkbox("play", True)
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
         self._panel.key("space", "play or pause", self._toggle)

@@ -13,6 +13,8 @@ import time as clock
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
+from pydantic import Field
+
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import ShownRun
 from wbc.base.checked import checked
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
+
+Port = Annotated[int, Field(ge=0, le=65535)]
+"""Port to listen at; 0 is any free one."""
 
 FIRST_PORT, PORTS = 7000, 200
 """Ports that are tried when none is given."""
@@ -89,7 +94,7 @@ class View(TrialHook, ABC):
         control: Any = None,
         *,
         program: Program | None = None,
-        port: int | None = None,
+        port: Port | None = None,
         rate: Annotated[Positive, "1/s"] = RATE,
         speed: Positive | None = None,
         wait: Annotated[NonNegative, "s"] = 0.0,

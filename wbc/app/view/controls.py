@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.arguments import attribute_docs
-from wbc.base.errors import InputError, WbcError, choose
+from wbc.base.errors import InputError, WbcError, choose, shown
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.core.conventions import rotation_of
 from wbc.core.frames import heading
@@ -107,7 +107,7 @@ class LiveControls:
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
-        self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
+        self._repeat = deque(sorted(checked_interventions(repeat), key=lambda entry: entry["time"]))
         self._reported, self.time = 0, 0.0
         self._ended = False
         self._docs = attribute_docs(StabilizerGains)
@@ -151,7 +151,7 @@ class LiveControls:
         """Carry out the orders that are due at a simulated time, s."""
         self.time = time
         while self._repeat and self._repeat[0]["time"] <= time:
-            entry = dict(self._repeat.popleft())
+            entry = self._repeat.popleft()
             self.apply({"do": entry.pop("what"), **entry})
         while self._orders:
             self.apply(self._orders.popleft())
@@ -279,6 +279,22 @@ ORDERS = {
     END: Order("ended", {}, lambda run: None, _stop),
 }
 """Kinds of orders by name; a new one is an entry here, and a control of the page that gives it (`workbench`)."""
+
+
+def checked_interventions(entries: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return copies of the interventions of a run; `InputError` for one that cannot be repeated."""
+    copies = []
+    for entry in entries:
+        known = ORDERS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
+        if known is None:
+            raise InputError(f"a recorded change must be one of {', '.join(ORDERS)}, got {shown(entry)}")
+        for name, kind in {"time": float, **known.fields}.items():
+            value = entry.get(name)
+            number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            if not (number if kind is float else isinstance(value, kind)):
+                raise InputError(f"{name} of a recorded change cannot be {shown(value)}")
+        copies.append(dict(entry))
+    return copies
 
 
 def _set_gain(stabilizer: Any, name: str, value: float) -> None:

@@ -80,8 +80,9 @@ class Mark:
 
     def looks_like(self, other: Mark) -> bool:
         """Return true if a mark that is shown need not be drawn anew for this one."""
+        look, shown = (self.kind, self.colour, self.size), (other.kind, other.colour, other.size)
         a, b = self.points, other.points
-        return self.colour == other.colour and a.shape == b.shape and bool((np.abs(a - b) < NOTICED).all())
+        return look == shown and a.shape == b.shape and bool((np.abs(a - b) < NOTICED).all())
 
 
 class Force(NamedTuple):

@@ -40,7 +40,7 @@ class ViserPage:
     Attributes:
         server: Viser's server, of this machine alone.
         url: Link to the page, with a secret: who does not have it is refused, see `PageGuard`.
-        keys: Keys of its present panel, which viser does not remove with it.
+        keys: Keys of its present panel.
     """
 
     def __init__(self, port: int, title: str) -> None:
@@ -122,7 +122,7 @@ class ViserScene(DrawnScene):
 
     def _show(self, mark: Mark) -> None:
         (vertices, faces), node = mark_mesh(mark), self._beside.get(mark.name)
-        if node is not None and node.vertices.shape == vertices.shape:
+        if node is not None and np.array_equal(node.faces, faces):
             node.vertices = vertices.astype(np.float32)
             node.color, node.opacity = paint(mark.colour).values()
         else:
@@ -150,9 +150,9 @@ class ViserPanel:
     def __init__(self, page: ViserPage, stage: Stage) -> None:
         """Begin in the place of the page's former content."""
         self._page, self.gui, camera = page, page.server.gui, page.server.initial_camera
-        self.gui.reset()
         while page.keys:
             page.keys.pop().remove()
+        self.gui.reset()
         self.scene = ViserScene(stage, page.server.scene)
         camera.position, camera.look_at = stage.scale.height * EYE, stage.scale.height * LOOK_AT
         self._texts: list[tuple[Any, Callable[[], str]]] = []
