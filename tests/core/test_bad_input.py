@@ -17,7 +17,9 @@ from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.limits.obstacles import CollisionSphere, Obstacle
 from wbc.core.qp.contact import FIRMEST
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
+from wbc.core.trajectories import Trajectory
 from wbc.robots import load
 from wbc.tasks.balance import balance_controller
 
@@ -136,6 +138,9 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.CoMPolygonLimit([[0, 0], [1, np.nan], [0, 1]]), InputError, "points"),
     (lambda: wbc.CoMPolygonLimit([[0, 0], [1, 0], [1, 0.01], [0, 0.01]], margin=0.01), InputError, "margin"),
     (lambda: wbc.CoMPolygonLimit(time_constant=0.0), InputError, "time_constant"),
+    (lambda: wbc.JointLimits(joints=[]), InputError, "of some joint"),
+    (lambda: wbc.JointLimits(position=False, velocity=False), InputError, "bound something"),
+    (lambda: wbc.FrameSpeedLimit("torso_link"), InputError, "got neither"),
     (lambda: pairs("left_hand", "left_hand"), InputError, "left_hand"),
     (lambda: pairs("left_hand", "pelvis", margin=0.2, influence=0.1), InputError, "influence"),
     (lambda: pairs("left_hant", "pelvis", shapes={"pelvis": BALL}).bind(g1()), UnknownNameError, "left_hant"),
@@ -214,6 +219,7 @@ ASSIGNED: dict[str, tuple[Callable[[], Any], tuple[str, ...], tuple[object, ...]
         ),
         (2.0, NAN, np.zeros(29)),
     ),
+    "outside": (controller, ("outside",), (NAN, [0.0] * 35, np.zeros(29))),
     "joint limits": (
         lambda: limit(wbc.JointLimits),
         ("lower", "upper", "velocity", "acceleration", "braking"),
@@ -266,9 +272,90 @@ def test_an_attribute_takes_no_value_that_cannot_be_used(what: str) -> None:
             with pytest.raises(InputError, match=name if what != "box" else "box"):
                 setattr(made, name, value)
             np.testing.assert_equal(getattr(made, name), before)
-        if isinstance(before, np.ndarray) and before.size and what != "robot":
-            with pytest.raises(ValueError, match="read-only"):
-                before[0] = 0.0
+
+
+LIVE = {
+    "bias",
+    "com",
+    "com_jacobian",
+    "com_velocity",
+    "joint_jacobians",
+    "mass_matrix",
+    "q",
+    "total_mass",
+    "v",
+}
+"""Arrays of a robot that every update of its state overwrites."""
+
+
+def handed_out() -> list[Any]:
+    """Return objects of all kinds whose arrays a user sees."""
+    made, closed = controller(), wbc.LoopClosure("left_hand", "right_hand")
+    hands = {hand: BALL for hand in (g1().frames["left_hand"], g1().frames["right_hand"])}
+    collisions = wbc.CollisionLimit([tuple(hands)], shapes=hands, name="hands")
+    path = Trajectory([[0.0, 0.0], [1.0, 1.0]], 1.0)
+    drives = [
+        kind(balance_controller(g1().clone(), 0.005)) for kind in (wbc.PositionControl, wbc.HybridControl)
+    ]
+    point = wbc.PointContact("left_hand")
+    bound = [closed, collisions, point, path, Obstacle("box", BALL), wbc.AxisConeLimit("left_hand", 0.2)]
+    for item in (closed, collisions, point):
+        item.bind(g1())
+    return [
+        g1(),
+        *drives,
+        *bound,
+        spares(),
+        ReleasedJoints(g1(), ["left_elbow_joint"]),
+        *made.contacts,
+        *made.limits,
+    ]
+
+
+def test_what_is_handed_out_cannot_be_written_or_is_a_copy() -> None:
+    """Of every attribute of objects of all kinds but the state of a robot."""
+    for each in handed_out():
+        names = {name for name in dir(each) if not name.startswith("_")}
+        for name in names - (LIVE if isinstance(each, Robot) else {"placement"}):
+            try:
+                value = getattr(each, name)
+            except (wbc.WbcError, AttributeError):  # not known yet, or not of this kind
+                continue
+            again = getattr(each, name)
+            if isinstance(value, np.ndarray):
+                assert not value.flags.writeable or not np.shares_memory(value, again), (each, name)
+            assert name != "shapes" or not isinstance(value, dict)
+            if type(value) is pin.SE3:
+                assert not np.shares_memory(value.translation, again.translation), (each, name)
+
+
+def test_what_is_handed_in_is_copied() -> None:
+    numbers, task, robot = np.arange(3), wbc.PositionTask("left_hand"), g1()
+    task.spared = numbers
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    polygon, cone = wbc.CoMPolygonLimit(square), np.eye(3)
+    polygon.bind(robot)
+    point = wbc.PointContact("left_hand")
+    point.cone = cone
+    for own in (numbers, square, cone):
+        own[:] = 7
+    assert task.spared.tolist() == [0, 1, 2] and polygon.polygon.max() == 1.0 and point.cone.max() == 1.0
+
+
+def test_a_polygon_that_is_assigned_before_the_limit_is_added_stays() -> None:
+    """A limit without one takes the hull of the soles wherever it is added."""
+    given, of_soles = wbc.CoMPolygonLimit(), wbc.CoMPolygonLimit(name="soles")
+    given.polygon = square = 0.05 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    robot, q = g1().clone(), g1().half_sitting.copy()
+    corners = []
+    for place in (0.0, 1.0):
+        q[0] += place
+        robot.update(q, np.zeros(robot.nv))
+        for each in (given, of_soles):
+            each.bind(robot)
+        np.testing.assert_allclose(given.polygon, square)
+        corners.append(of_soles.polygon.copy())
+    np.testing.assert_allclose(corners[1] - corners[0], np.tile([1.0, 0.0], (len(corners[0]), 1)), atol=1e-9)
 
 
 def test_a_state_that_is_refused_leaves_the_robot_as_it_is() -> None:

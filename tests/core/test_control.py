@@ -65,7 +65,7 @@ def test_held_references_slow_down_to_a_stop_as_the_policy_says(monkeypatch: pyt
     robot, policy = controller.robot, FailurePolicy(damping_time=0.04)
     control = PositionControl(controller, failure_policy=policy)
     control.command(at_rest(robot, 0.0))
-    control.v[6:] = start = speeds(robot)
+    control._v[6:] = start = speeds(robot)
     fail_from_now_on(controller, monkeypatch)
     left = 1.0 - DT / policy.damping_time
     for tick in range(1, 11):
@@ -90,8 +90,8 @@ def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(t
     controller = standing("hrp4_class", DT)
     robot = controller.robot
     control = PositionControl(controller, feedback="closed", reference_time=time)
-    control.q[7:] += 0.02 * np.sign(speeds(robot, 1))
-    control.v[6:] = speeds(robot, 2)
+    control._q[7:] += 0.02 * np.sign(speeds(robot, 1))
+    control._v[6:] = speeds(robot, 2)
     share = -np.expm1(-DT / time)
     for tick in range(5):
         q, v = control.q.copy(), control.v.copy()

@@ -430,3 +430,26 @@ def test_joints_come_back_before_frames_do() -> None:
         ik.add(wbc.FramePositionLimit("panda_hand", directions=[way * away], lower=bound, name=name))
     assert ik.solve()[i] == pytest.approx(alone, rel=1e-6)
     assert ik.solution is not None and ik.solution.status is Status.RELAXED
+
+
+class Drifting(Straight):
+    """A limit whose past counts: its bound moves on whenever it is measured."""
+
+    def reset(self) -> None:
+        self.most = float(model_of("panda").q[3]) + 0.1
+
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        super().measure(rows, below, above)
+        self.most += 1e-4
+
+
+def test_what_a_search_finds_does_not_depend_on_the_past_of_limits() -> None:
+    robot = model_of("panda").clone()
+    ik = wbc.InverseKinematics(robot, 0.01)
+    limit = Drifting(0.0)
+    limit.reset()
+    ik.add(
+        limit, PostureTask(), wbc.PositionTask("panda_hand", robot.placement("panda_hand").translation + 0.3)
+    )
+    first, again = ik.reach(iterations=20), ik.reach(iterations=20)
+    np.testing.assert_array_equal(first.configuration, again.configuration)

@@ -232,3 +232,38 @@ REFUSED: list[tuple[Callable[[], object], type[Exception]]] = [
 def test_what_is_no_control_is_refused(call: Callable[[], object], kind: type[Exception]) -> None:
     with pytest.raises(kind):
         call()
+
+
+@pytest.mark.parametrize("gains", [True, False])
+def test_the_arrays_of_a_law_stay_as_they_are(gains: bool) -> None:
+    """A joint that somebody else has moved has its stiffness again as soon as it is taken back."""
+    control, m = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
+    kp, kd = control.gains if gains else (None, None)
+    own = wbc.Command(np.full_like(control.rest, 0.1), control.rest, control.none, kp=kp, kd=kd)
+    before, elbow = own.copy(), HRP4.joint_names.index("left_elbow_pitch")
+    control.law = lambda state: own  # type: ignore[method-assign]
+    for tick, joints in enumerate((["left_elbow_pitch"], [])):
+        control.drives.release(joints)
+        sent = control.command(replace(m, time=m.time + tick * DT))
+        assert sent.joint_torque[elbow] == (0.0 if joints else 0.1)
+        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
+            np.testing.assert_array_equal(getattr(own, name), getattr(before, name))
+
+
+def test_references_of_a_law_whose_gains_are_those_of_the_machine_are_within_range_and_speed() -> None:
+    """Also while they are held in a tick that fails; a joint that is beyond its range may stay there."""
+    own, m = Held(), wbc.Plant(HRP4, control_period=DT, visuals=False).measure()
+    robot = own.drives.controller.robot
+    asked = wbc.Command(own.none, own.rest + 50.0, own.none + 1e4)
+    state = own.drives.estimate(m)
+    for sent in (
+        own.drives.relay(state, lambda _: asked),
+        own.drives.relay(state._replace(ok=False), own.law),
+    ):
+        assert sent.joint_position is not None and sent.joint_velocity is not None and sent.kp is None
+        np.testing.assert_allclose(sent.joint_position, robot.position_upper)
+        assert (np.abs(sent.joint_velocity) <= 2.0 * robot.velocity_limit).all()
+        assert own.drives.gate.faults
+    beyond = robot.position_upper + 0.05
+    sent = own.drives.gate.admit(wbc.Command(own.none, beyond), (beyond, own.none))
+    np.testing.assert_array_equal(sent.joint_position, beyond)

@@ -209,12 +209,13 @@ def test_an_observer_has_the_settings_and_the_robot_with_which_its_filters_were_
 
 
 @pytest.mark.parametrize("kind", [wbc.PositionControl, wbc.HybridControl])
-def test_references_of_a_control_may_be_moved_but_not_swapped(kind: Any) -> None:
+def test_references_of_a_control_can_be_neither_written_nor_swapped(kind: Any) -> None:
     control = kind(balancing())
     for name in ("q", "v"):
         with pytest.raises(InputError, match="reset"):
             setattr(control, name, np.zeros(3))
-        getattr(control, name)[:] = getattr(control, name)
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(control, name)[:] = 0.0
     for part in (control.observer.inertial, control.observer.observe_outside()):
         with pytest.raises(InputError, match="settings"):
             part.settings = None

@@ -37,6 +37,7 @@ def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.
     period = 0.005 if mode == "position" else 0.002
     plant = wbc.Plant(robot, foot=soft, noise="realistic", seed=3, control_period=period)
     model = description.robot()
+    model.velocity_limit.setflags(write=True)
     model.velocity_limit[:] *= velocity_ratio
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
     settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position")

@@ -71,7 +71,7 @@ def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wr
     robot, walking = standing(settings)
     control, rng = walking.drives, np.random.default_rng(4)
     for tick in range(10):
-        control.v[:] = 0.1 * rng.normal(size=robot.nv)
+        control._v[:] = 0.1 * rng.normal(size=robot.nv)
         q, v = control.q.copy(), control.v.copy()
         command = walking.command(sensors(robot, tick, robot.half_sitting, (0.02, -0.01), left=0.6))
         solution, output = control.solution, walking.output

@@ -6,7 +6,6 @@ are plain attributes. Frames and joints are looked up by name once, when a task 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal, NoReturn
 
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, ModelError, shown, unknown_name
-from wbc.base.numbers import Array, finite_array, finite_scalar, scalar
+from wbc.base.numbers import Array, finite_array, finite_scalar, read_only, scalar
 from wbc.base.registry import Registry
 from wbc.base.settings import NonNegative, Triple
 from wbc.core.drive.servos import Servos
@@ -103,6 +102,8 @@ class Robot:
         half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
         nq: Size of a configuration: base position (world, m), base quaternion (xyzw), joints (rad or m).
         nv: Size of a velocity: base linear and angular velocity in the base frame, joints.
+        com_height: Height of the CoM over the first sole in half-sitting, m; infinity without soles.
+        length_scale: Factor of lengths in settings: that height over `FULL_HEIGHT`, at most 1.
         floating: True for a base that floats.
         base_nq: Number of coordinates of the base, with which a configuration begins: 7, or 0 for a bolted base. The
             velocity of the base has `base_dof` coordinates: 6, or 0.
@@ -196,7 +197,8 @@ class Robot:
                 f"servos must be of the {self.na} joints of robot '{self.name}', in their order, got "
                 f"{shown(servos.joint_names)}"
             )
-        self.servos, self.springs, self.damping = servos, springs, damping
+        self.servos, self.damping = servos, None if damping is None else read_only(np.array(damping))
+        self.springs = springs and (read_only(np.array(springs[0])), read_only(np.array(springs[1])))
         self.half_sitting = self.check_configuration("half-sitting configuration", half_sitting)
         self.half_sitting.setflags(write=False)
         self._read_limits(torque_lower, passive)
@@ -223,7 +225,9 @@ class Robot:
         self.q = np.array(self.half_sitting)
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
         self.update(self.q, self.v)
-        self.length_scale = min(1.0, self.com_height() / FULL_HEIGHT)
+        ground = self.placement(self.soles[0].frame).translation[2] if self.soles else -np.inf
+        self.com_height = float(self.com[2] - ground)
+        self.length_scale = min(1.0, self.com_height / FULL_HEIGHT)
 
     def _read_joints(self) -> None:
         """Read the joints of the model: coordinates, names, kinds and couplings."""
@@ -294,15 +298,8 @@ class Robot:
                 raise ModelError(
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
-
-    def com_height(self) -> float:
-        """Height of the CoM over the first sole in half-sitting, m; infinity without soles."""
-        if not self.soles:
-            return math.inf
-        data = self.model.createData()
-        pin.centerOfMass(self.model, data, self.half_sitting)
-        sole = pin.updateFramePlacement(self.model, data, self.model.getFrameId(self.soles[0].frame))
-        return float(data.com[0][2]) - float(sole.translation[2])
+        for each in (*limits, self.torque_lower, self.torque_upper, self.per_rad, self.slides):
+            each.setflags(write=False)
 
     @property
     def total_mass(self) -> Array:

@@ -25,7 +25,7 @@ from scipy.interpolate import make_interp_spline
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, one_or_each
+from wbc.base.numbers import Array, finite_array, one_or_each, read_only
 from wbc.base.settings import Positive
 
 ValueT = TypeVar("ValueT", float, Array, complex)
@@ -215,7 +215,7 @@ class Trajectory:
 
     Attributes:
         duration: Duration, s.
-        end: Last point, shape (n,).
+        end: Last point, shape (n,), read-only.
 
     Source: Flash & Hogan, Journal of Neuroscience 5(7), 1985: of all motions through the points at these times it has
     the least mean squared jerk, which makes it a spline of degree 5 (de Boor, "A Practical Guide to Splines", ch. 13).
@@ -263,7 +263,7 @@ class Trajectory:
             raise InputError("a trajectory needs a duration or a speed, got neither")
         if duration is None and speeds is not None and accelerations is None:
             accelerations = speeds / RUN_UP
-        self.end = waypoints[-1]
+        self.end = read_only(waypoints[-1])
         begin = [
             np.zeros(waypoints[0].size)
             if rate is None

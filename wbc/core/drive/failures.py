@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -114,9 +115,7 @@ class HeldCommand:
         torque, position, kp, kd = self._values
         if self._held == 1:
             return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
-        gate.move(position)  # a law need not move the references of the gate
-        still = np.zeros_like(position)
-        if self._held == 2:
-            return gate.pass_on(torque, position, still)
-        gains = kp, np.where(kd > 0.0, kd, damping)  # no joint of a torque alone speeds up
-        return gate.pass_on_with_gains(torque, position, still, gains, measured)
+        still = Command(torque, position, np.zeros_like(position), period=gate.period)
+        if self._held == 4:  # no joint of a torque alone speeds up
+            still = replace(still, kp=kp, kd=np.where(kd > 0.0, kd, damping))
+        return gate.admit(still, measured)

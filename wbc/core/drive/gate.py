@@ -31,6 +31,7 @@ class CommandGate:
 
     Attributes:
         faults: Names of the joints whose command was clipped last, empty if the last command passed as it was.
+        period: Control period, s.
     """
 
     def __init__(self, robot: Robot, dt: float) -> None:
@@ -41,7 +42,7 @@ class CommandGate:
         self._clipped_below, self._clipped_above = self._least - slack, self._most + slack
         self._lower, self._upper = robot.position_lower, robot.position_upper
         self._speed = SPEED_MARGIN * robot.velocity_limit
-        self._step, self._period = self._speed * dt, dt
+        self._step, self.period = self._speed * dt, dt
         # By how much velocity, change of position, position and torque exceed their limits; the last two twice.
         self._excess = np.zeros((6, robot.na))
         self._symmetric, self._torques = self._excess[:2], self._excess[4:].reshape(-1)
@@ -82,7 +83,7 @@ class CommandGate:
         torque, (kp, kd), beyond = self._with_servos(torque, reference, gains, measured)
         if beyond is not None:
             self._report(beyond, faults)
-        return Command(torque.copy(), *reference, kp=kp.copy(), kd=kd.copy(), period=self._period)
+        return Command(torque.copy(), *reference, kp=kp.copy(), kd=kd.copy(), period=self.period)
 
     def _with_servos(
         self,
@@ -137,20 +138,25 @@ class CommandGate:
     ) -> Command:
         """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.
 
-        A joint whose q or q̇ is not finite is treated as in `pass_on_with_gains`. `clipped` names joints that were
-        clipped while the command was made, which count among its `faults`. Raises `InputError` for a part of the wrong
-        shape or not finite, or a negative gain.
+        References of servos whose gains the command leaves to the machine stay in the range of each joint, or where it
+        is beyond that, and below the speed at which they are clipped. A joint whose q or q̇ is not finite is treated as
+        in `pass_on_with_gains`. `clipped` names joints that were clipped while the command was made, which count among
+        its `faults`. Raises `InputError` for a part of the wrong shape or not finite, or a negative gain.
         """
-        command = command.check(self._names)
-        torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
-        self.faults = clipped
-        if kp is None or kd is None or position is None:
-            sent = np.clip(torque, self._least, self._most)
-            if (sent != torque).any():
-                self._report((torque < self._clipped_below) | (torque > self._clipped_above), clipped)
-            return replace(command, joint_torque=sent)
-        velocity = np.zeros_like(position) if command.joint_velocity is None else command.joint_velocity
+        command = command.check(self._names).copy()
+        torque, position, velocity = command.joint_torque, command.joint_position, command.joint_velocity
+        kp, kd = command.kp, command.kd
+        if position is not None and velocity is None:
+            velocity = np.zeros_like(position)
         q, v = np.where(np.isfinite(measured), measured, np.nan)
+        if kp is None or kd is None or position is None or velocity is None:
+            last = np.where(np.isnan(q), self._position, q)
+            sent = self._clip((torque, position, velocity), last, np.inf, clipped)
+            position, velocity = sent.joint_position, sent.joint_velocity
+            return replace(
+                command, joint_torque=sent.joint_torque, joint_position=position, joint_velocity=velocity
+            )
+        self.faults = clipped
         torque, (kp, kd), beyond = self._with_servos(torque, (position, velocity), (kp, kd), (q, v))
         if beyond is not None:
             self._report(beyond, clipped)
@@ -177,27 +183,36 @@ class CommandGate:
             np.subtract(self._lower, position, out=excess[3])
             most = largest(self._all)
         if not most <= 0.0:  # or NaN
-            return self._clip(torque, position, velocity)
+            return self._clip((torque, position, velocity), self._position, self._step)
         self.faults = ()
         if position is None or velocity is None:
-            return Command(torque.copy(), period=self._period)
+            return Command(torque.copy(), period=self.period)
         self._position[:] = position
-        return Command(torque.copy(), position.copy(), velocity.copy(), period=self._period)
+        return Command(torque.copy(), position.copy(), velocity.copy(), period=self.period)
 
-    def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
+    def _clip(
+        self,
+        asked: tuple[Array, Array | None, Array | None],
+        last: Array,
+        step: Array | float,
+        before: tuple[str, ...] = (),
+    ) -> Command:
+        """Return a command of torque and references, moved from a posture by a step at most; see `_report`.
+
+        The posture, where a robot begins or is, may itself be out of range.
+        """
+        torque, position, velocity = asked
         wrong = ~((torque >= self._clipped_below) & (torque <= self._clipped_above))
         torque = np.clip(np.nan_to_num(torque, nan=0.0), self._least, self._most)
         if position is not None and velocity is not None:
-            last = self._position
-            # The reference that was sent last may itself be out of range, at the start of a run.
-            near = np.clip(np.where(np.isnan(position), last, position), last - self._step, last + self._step)
+            near = np.clip(np.where(np.isnan(position), last, position), last - step, last + step)
             sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
             wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= (1.0 + SLACK) * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
             position = sent
             self._position[:] = sent
-        self._report(wrong)
-        return Command(torque, position, velocity, period=self._period)
+        self._report(wrong, before)
+        return Command(torque, position, velocity, period=self.period)
 
     def _report(self, wrong: NDArray[np.bool_], before: tuple[str, ...] = ()) -> None:
         """Take over the joints that were clipped, beside those of the same command that are counted already."""

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive
@@ -33,14 +33,14 @@ class PositionControl(DriveControl):
         feedback: With "open" the controller's robot is the commanded one, and sensors act only through tasks that read
             them. With "closed" it is the estimated robot, and the references converge to the estimate.
         feedforward: True to add the torques of the solution to the servos.
-        q: Configuration of the commanded robot, shape (nq,); the same array always.
-        v: Velocity of the commanded robot, shape (nv,); the same array always.
+        q: Configuration of the commanded robot, shape (nq,), read-only; it changes with every tick.
+        v: Velocity of the commanded robot, shape (nv,), read-only; it changes with every tick.
     """
 
     feedback: Literal["open", "closed"] = fixed(ANOTHER)
     feedforward: bool = fixed(ANOTHER)
-    q: Array = fixed(RESTART)
-    v: Array = fixed(RESTART)
+    q: Array = result("_q", RESTART)
+    v: Array = result("_v", RESTART)
     _moves_references = True
 
     @checked
@@ -80,8 +80,8 @@ class PositionControl(DriveControl):
         self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
         self._pull = lag_gain(controller.dt, reference_time)
-        self.q = np.array(controller.robot.q)
-        self.v = np.array(controller.robot.v)
+        self._q = np.array(controller.robot.q)
+        self._v = np.array(controller.robot.v)
         self._step = np.zeros(controller.robot.nv)
         self._dt, self._half_square = scalar(controller.dt), scalar(0.5 * controller.dt * controller.dt)
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
@@ -89,21 +89,24 @@ class PositionControl(DriveControl):
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         robot = self.controller.robot
-        self.q[:] = robot.half_sitting if q is None else robot.check_configuration("configuration", q)
-        self.v[:] = 0.0
-        robot.update(self.q, self.v)
-        self.observer.reset(self.q)
+        self._q[:] = robot.half_sitting if q is None else robot.check_configuration("configuration", q)
+        self._v[:] = 0.0
+        robot.update(self._q, self._v)
+        self.observer.reset(self._q)
         self._forget()
 
     def _reference_soles(self) -> Sequence[pin.SE3 | None] | None:
         """Bring the commanded robot to where it is commanded, released joints to where they are; return its soles."""
         if (released := self.controller.released) is not None:  # the commanded robot has them where they are
             index, estimate = released.index, self.observer.robot
-            self.q[7 + index], self.v[BASE_DOF + index] = estimate.q[7 + index], estimate.v[BASE_DOF + index]
+            self._q[7 + index], self._v[BASE_DOF + index] = (
+                estimate.q[7 + index],
+                estimate.v[BASE_DOF + index],
+            )
         if self.feedback != "open":
             return None
         # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.
-        self.controller.robot.update(self.q, self.v)
+        self.controller.robot.update(self._q, self._v)
         return self._soles
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
@@ -117,12 +120,12 @@ class PositionControl(DriveControl):
     def _hold(self, state: State) -> Command:
         """Let the motion decay; once stopped, freeze the references."""
         dt = self.controller.dt
-        return self._move(-self.v / (dt if self.stopped else max(self._record.policy.damping_time, dt)))
+        return self._move(-self._v / (dt if self.stopped else max(self._record.policy.damping_time, dt)))
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
         robot, (position, velocity) = self.controller.robot, self.joints(state)
-        position = np.where(np.isnan(position), self.q[7:], position)
+        position = np.where(np.isnan(position), self._q[7:], position)
         position = np.clip(position, robot.position_lower, robot.position_upper)
         none, damping = np.zeros(robot.na), self._record.damping
         self.gate.move(position)  # the reference is where the joint is, however fast it moves
@@ -131,7 +134,7 @@ class PositionControl(DriveControl):
     def _move(self, acceleration: Array) -> Command:
         """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
-        q, v, step = self.q, self.v, np.multiply(acceleration, self._half_square, out=self._step)
+        q, v, step = self._q, self._v, np.multiply(acceleration, self._half_square, out=self._step)
         step += v * self._dt
         q[:] = pin.integrate(self.controller.robot.model, q, step)
         v += np.multiply(acceleration, self._dt, out=step)
@@ -143,7 +146,7 @@ class PositionControl(DriveControl):
 
     def _draw(self) -> None:
         """Draw the commanded robot to the estimated one."""
-        estimate, q, v = self.observer.robot, self.q, self.v
+        estimate, q, v = self.observer.robot, self._q, self._v
         difference = pin.difference(estimate.model, q, estimate.q)
         q[:] = pin.integrate(estimate.model, q, self._pull * difference)
         v += self._pull * (estimate.v - v)

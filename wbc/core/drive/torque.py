@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
@@ -88,14 +88,14 @@ class HybridControl(TorqueControl):
     Attributes:
         kp: Stiffness in the commands, shape (na,), Nm/rad.
         kd: Damping in the commands, shape (na,), Nms/rad.
-        q: Joint positions of the last references, shape (na,), rad.
-        v: Joint velocities of the last references, shape (na,), rad/s.
+        q: Joint positions of the last references, shape (na,), rad, read-only.
+        v: Joint velocities of the last references, shape (na,), rad/s, read-only.
     """
 
     kp: Array = fixed(ANOTHER)
     kd: Array = fixed(ANOTHER)
-    q: Array = fixed(RESTART)
-    v: Array = fixed(RESTART)
+    q: Array = result("_q", RESTART)
+    v: Array = result("_v", RESTART)
 
     @checked
     def __init__(
@@ -133,21 +133,21 @@ class HybridControl(TorqueControl):
         self._pull = lag_gain(controller.dt, reference_time)
         self._dt = scalar(controller.dt)
         self._off = np.zeros(robot.na)
-        self.q, self.v = np.array(robot.q[7:]), np.zeros(robot.na)
+        self._q, self._v = np.array(robot.q[7:]), np.zeros(robot.na)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         super().reset(q)
-        self.q[:], self.v[:] = self.controller.robot.q[7:], 0.0
+        self._q[:], self._v[:] = self.controller.robot.q[7:], 0.0
 
     def resume(self) -> None:
         """See `TorqueControl.resume`; the references begin where and as fast as the joints are."""
         super().resume()
         robot = self.controller.robot
-        self.q[:], self.v[:] = robot.q[7:], robot.v[BASE_DOF:]
+        self._q[:], self._v[:] = robot.q[7:], robot.v[BASE_DOF:]
 
     def _follow(self, state: State, solution: Solution) -> Command:
-        robot, q, v = self.controller.robot, self.q, self.v
+        robot, q, v = self.controller.robot, self._q, self._v
         velocity = robot.v[BASE_DOF:]
         step = solution.accelerations[BASE_DOF:] * self._dt
         q += self._pull * (robot.q[7:] - q)
@@ -164,20 +164,20 @@ class HybridControl(TorqueControl):
         """Hold references and torques while the servos damp; once stopped, only damp."""
         if self.stopped:
             return self._damp(state)
-        self.v[:] = 0.0
+        self._v[:] = 0.0
         return self._command(state, self._torques, (self.kp, self.kd))
 
     def _damp(self, state: State) -> Command:
         position, _ = self.joints(state)
-        self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
+        self._q[:], self._v[:] = np.where(np.isnan(position), self._q, position), 0.0
         return self._command(state, self._off, (self._off, np.maximum(self.kd, self._record.damping)))
 
     def _command(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
-        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, self.joints(state))
+        command = self.gate.pass_on_with_gains(torques, self._q, self._v, gains, self.joints(state))
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None
-            self.q[:], self.v[:] = command.joint_position, command.joint_velocity
+            self._q[:], self._v[:] = command.joint_position, command.joint_velocity
         return command
 
 

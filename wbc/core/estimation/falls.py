@@ -47,7 +47,7 @@ class FallDetector:
         """Take the soles of a robot; dt is the control period, s."""
         self._robot, self._dt = robot, dt
         self._soles = [robot.placement(sole.frame).translation for sole in robot.soles]  # views
-        self._lasting = LASTING * math.sqrt(max(robot.com_height(), 0.0) / GRAVITY)
+        self._lasting = LASTING * math.sqrt(max(robot.com_height, 0.0) / GRAVITY)
         self.reset()
 
     def reset(self) -> None:

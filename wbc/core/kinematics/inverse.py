@@ -301,6 +301,8 @@ class InverseKinematics(Items):
         tasks = [task for task in self._tasks if not task.of_velocity]
         own, dirty = (self._assembly, self._solver), self._dirty  # with the rows of the last step
         robot.v[:] = 0.0
+        for limit in self._limits:
+            limit.reset()  # distances are searched from where the last search has ended
         self._rebuild(tasks)
         try:
             self._write()

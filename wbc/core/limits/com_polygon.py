@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError
 from wbc.base.hull import convex_hull
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import OPTIONS, Barrier
 from wbc.core.robot import Robot
@@ -76,10 +76,10 @@ class CoMPolygonLimit(Barrier):
 
     @property
     def polygon(self) -> Array:
-        """Corners in world x and y, counter-clockwise, shape (n, 2), m; assign points to take their convex hull."""
+        """Corners in world x and y, counter-clockwise, shape (n, 2), m, read-only; assign points, whose hull it is."""
         if self._polygon is None:
             raise InputError(f"limit '{self.name}' has no polygon before it is added to a controller")
-        return self._polygon
+        return read_only(self._polygon)
 
     @polygon.setter
     def polygon(self, points: ArrayLike) -> None:
@@ -97,6 +97,7 @@ class CoMPolygonLimit(Barrier):
                 f"polygon of limit '{self.name}' leaves nothing inside its margin of {self._margin} m: "
                 f"{corners.tolist()}"
             )
+        self._of_soles = False
         self._polygon, self._normals[:], self._offsets[:] = corners, 0.0, np.inf  # of rows without an edge
         self._normals[: len(corners)], self._offsets[: len(corners)] = normals, offsets
 
@@ -141,6 +142,7 @@ class CoMPolygonLimit(Barrier):
         self._back = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
         if self._of_soles:
             self.use_soles()
+            self._of_soles = True  # wherever it is added next
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill one row for each edge; see `Barrier.measure`."""

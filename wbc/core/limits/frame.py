@@ -209,6 +209,8 @@ class FrameSpeedLimit(FrameLimit):
             name: Name of the limit.
         """
         super().__init__(frame, "speed", 6, name)
+        if math.isinf(linear) and math.isinf(angular):
+            raise InputError(f"limit '{self.name}' needs a linear or an angular speed, got neither")
         self.linear, self.angular = linear, angular
         self._speed = np.repeat([linear, angular], 3)
 

@@ -163,6 +163,11 @@ class JointLimits(Barrier):
         """
         self.name, self.dim = "joint limits", 0
         self._joints = None if joints is None else tuple(names_in("joints of joint limits", joints))
+        if self._joints == () or (acceleration is None and not (position or velocity)):
+            raise InputError(
+                f"joint limits must bound something of some joint, got joints={joints}, position={position}, "
+                f"velocity={velocity} and no acceleration"
+            )
         self._use_position, self._use_velocity = position, velocity
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio

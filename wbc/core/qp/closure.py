@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, read_only
 from wbc.core.frames import relative_drift, relative_jacobian
 from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, HeldFrame
 from wbc.core.qp.motion import OPTIONS, RowNumbers
@@ -119,7 +119,7 @@ class LoopClosure(Contact):
             raise InputError(f"a closure ties two frames, got '{frame}' twice")
         self.other, self.rotation = other, rotation
         self.dim = 6 if rotation else 3
-        self.directions = np.eye(self.dim)
+        self.directions = read_only(np.eye(self.dim))
         # What takes a linear and an angular vector of the world to the rows, each of shape (dim, 3).
         self._turn, self._turn_spin = np.zeros((0, 3)), np.zeros((0, 3)) if rotation else None
         super().__init__(name or f"{frame} to {other}", frame, np.zeros((0, self.dim)), **options)
@@ -149,7 +149,7 @@ class LoopClosure(Contact):
                 f"gains and weights of closure '{self.name}' must be scalars: its chain opens in directions that are "
                 f"not along the axes of '{self.frame}'"
             )
-        self.dim, self.directions = len(directions), directions
+        self.dim, self.directions = len(directions), read_only(directions)
         self._lines, self._spins = (np.ascontiguousarray(part) for part in np.hsplit(directions, [3]))
         self._numbers, self._wrench_weight = RowNumbers(numbers[:-1, kept]), numbers[-1, kept]
         self.cone = np.zeros((0, self.dim))

@@ -19,7 +19,7 @@ from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, one_or_each, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
-from wbc.core.frames import frame_jacobian, pose, unit_vector
+from wbc.core.frames import FixedPose, frame_jacobian, pose, unit_vector
 from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
 from wbc.core.qp.motion import OPTIONS, RATE, Motion
 from wbc.core.qp.options import ContactOptions
@@ -103,8 +103,8 @@ class Contact(Motion):
 
     @property
     def cone(self) -> Array:
-        """Matrix F with F f ≤ 0, shape (rows, dim); the number of rows is fixed while a controller has the contact."""
-        return self._cone
+        """Matrix F with F f ≤ 0, shape (rows, dim), read-only; a controller fixes the number of rows of another one."""
+        return read_only(self._cone)
 
     @cone.setter
     def cone(self, value: ArrayLike) -> None:
@@ -253,9 +253,9 @@ class Contact(Motion):
 
     @property
     def target(self) -> pin.SE3:
-        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded."""
+        """Placement of the held frame in the world, read-only; assign it, with `velocity`, to move a loaded foot."""
         _ = self.robot
-        return self._target
+        return FixedPose(self._target)
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
@@ -480,9 +480,9 @@ class SoleContact(HeldFrame):
             )
         length, width = size[0] / 2 - self._margin, size[1] / 2 - self._margin
         if self._torsion is None:
-            self.cone[:] = rectangle_wrench_cone(length, width, self._friction, even=self._even)
+            self._cone[:] = rectangle_wrench_cone(length, width, self._friction, even=self._even)
         else:
-            self.cone[:] = box_wrench_cone(length, width, self._friction, self._torsion)
+            self._cone[:] = box_wrench_cone(length, width, self._friction, self._torsion)
         self.revision += 1
 
     def measure(self, jacobian: Array, error: Array) -> None:
@@ -585,7 +585,7 @@ class PointContact(Contact):
 
     def update_cone(self) -> None:
         """Write the cone; see `Contact.update_cone`."""
-        self.cone[:] = friction_pyramid(self._friction)
+        self._cone[:] = friction_pyramid(self._friction)
         self.revision += 1
 
     def measure(self, jacobian: Array, error: Array) -> None:

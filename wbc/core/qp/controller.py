@@ -39,8 +39,6 @@ class Controller(Items):
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
         settings: Settings of the solver.
         model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
-        outside: Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N, for example
-            of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
         drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
             control runs it.
         measured: Robot whose state is estimated from the sensors: `robot`, or in position control another one, which
@@ -72,7 +70,7 @@ class Controller(Items):
         self.settings = settings or SolverSettings()
         self.model_time = 0.0
         self._solution: Solution | None = None
-        self.outside: Array | None = None
+        self._outside: Array | None = None
         self._released: ReleasedJoints | None = None
         self.measured = robot
         self.drives: Drives | None = None
@@ -90,6 +88,23 @@ class Controller(Items):
     def solution(self) -> Solution | None:
         """Result of the last tick; None before the first one."""
         return self._solution
+
+    @property
+    def outside(self) -> Array | None:
+        """Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N; None for none.
+
+        A crane that holds the robot is an example. They enter the dynamics at every tick: the array is not copied, so
+        that who has assigned it may fill it anew.
+        """
+        return self._outside
+
+    @outside.setter
+    def outside(self, value: Array | None) -> None:
+        if value is not None and (not isinstance(value, np.ndarray) or value.shape != (self.robot.nv,)):
+            raise InputError(
+                f"outside of a controller must be an array of shape ({self.robot.nv},), got {shown(value)}"
+            )
+        self._outside = value
 
     @property
     def solver_counts(self) -> dict[str, int]:
@@ -201,7 +216,7 @@ class Controller(Items):
 
     def _write(self) -> None:
         """Write the present state into the QP."""
-        self._assembly.write(self.dt, self._torques, self.outside, self._released)
+        self._assembly.write(self.dt, self._torques, self._outside, self._released)
 
     def _variables_of(self, last: Solution | None) -> Array:
         """Return the variables of the last tick by their names: wrenches of contacts that are new are zero."""

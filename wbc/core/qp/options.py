@@ -198,7 +198,7 @@ class Choice:
 
     @property
     def spared(self) -> NDArray[np.intp]:
-        """Velocity coordinates that are left out beside those of other joints, shape (n,)."""
+        """Velocity coordinates that are left out beside those of other joints, shape (n,), read-only."""
         return self._spared
 
     def spare(self, task: str, value: NDArray[np.intp]) -> None:
@@ -208,7 +208,8 @@ class Choice:
             raise InputError(
                 f"spared of task '{task}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
             )
-        self._spared = array.astype(np.intp, copy=False)
+        self._spared = array.astype(np.intp)
+        self._spared.setflags(write=False)
         self._leave_out()
 
     def _leave_out(self) -> None:

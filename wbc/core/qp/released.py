@@ -69,7 +69,8 @@ class ReleasedJoints(SelectionTask):
         self.commanded = commanded
         self.mask = np.zeros(robot.na, dtype=bool)
         self.mask[self.index] = True
-        self.mask.setflags(write=False)
+        for fixed in (self.mask, self.index):
+            fixed.setflags(write=False)
         self._told: tuple[Array, Array, Array] | None = None
         self._before: Array | None = None  # velocity in the tick before, rad/s
         self._acceleration, self._measured = np.zeros(len(names)), np.zeros(len(names))

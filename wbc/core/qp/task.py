@@ -179,7 +179,7 @@ class Task(Motion):
 
     @property
     def spared(self) -> NDArray[np.intp]:
-        """Velocity coordinates whose motion the task expects but does not use, shape (n,); empty at first.
+        """Velocity coordinates whose motion the task expects but does not use, shape (n,), read-only; empty at first.
 
         For the centre of mass they are, for example, those of an arm that has a task of its own; for a hand, those of
         the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
