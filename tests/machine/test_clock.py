@@ -173,10 +173,11 @@ def test_a_priority_is_asked_for_above_zero_where_the_system_has_a_real_time_sch
     assert clock.ask_priority(5) == clock.ask_priority(0) == 0
 
 
-@pytest.mark.parametrize("locks", [True, False])
+@pytest.mark.parametrize(("locks", "had"), [(True, False), (False, False), (True, True)])
 def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_back(
-    locks: bool, monkeypatch: pytest.MonkeyPatch
+    locks: bool, had: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A program that `had` locked its pages has them so afterwards, and its own scheduler and timers."""
     calls: list[Any] = []
 
     class Library:
@@ -189,8 +190,10 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
         def munlockall(self) -> None:
             calls.append("unlock")
 
-        def prctl(self, *given: int) -> None:
-            calls.append(("timers", *given))
+        def prctl(self, what: int, *given: int) -> int:
+            if what == clock.SET_SLACK:
+                calls.append(("timers", *given))
+            return 50_000
 
     usage = iter([(100, 2000), (103, 2050)])
     monkeypatch.setattr(clock.ctypes, "CDLL", lambda *given, **named: Library())
@@ -200,8 +203,9 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
         lambda who: types.SimpleNamespace(**dict(zip(("ru_majflt", "ru_minflt"), next(usage), strict=True))),
     )
     monkeypatch.setattr(clock, "ask_priority", lambda priority: priority)
-    monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
-    monkeypatch.setattr(os, "SCHED_OTHER", 0, raising=False)
+    monkeypatch.setattr(clock, "_has_locked_pages", lambda: had)
+    monkeypatch.setattr(os, "sched_getscheduler", lambda process: 2, raising=False)
+    monkeypatch.setattr(os, "sched_getparam", lambda process: 80, raising=False)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given), raising=False)
     collected = iter([[{"collections": 5}, {"collections": 2}], [{"collections": 6}, {"collections": 4}]])
     monkeypatch.setattr(clock.gc, "get_stats", lambda: next(collected))
@@ -209,8 +213,9 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
     assert clock.gc.isenabled()
     with clock.quiet(7 if locks else None) as got:
         assert not clock.gc.isenabled() and got.memory_locked == locks and got.priority == (7 if locks else 0)
-        assert calls == [("lock", clock.LOCK_ALL), ("timers", 29, 1, 0, 0, 0)]
+        assert calls == [("lock", clock.LOCK_ALL), ("timers", 1, 0, 0, 0)]
         calls.clear()
     assert clock.gc.isenabled() and clock.gc.get_freeze_count() > 0, "what a program has frozen stays so"
     assert got.page_faults == (3, 50) and got.collections == 3
-    assert calls == ([(0, 0, 0), "unlock"] if locks else [])
+    back = [("timers", 50_000, 0, 0, 0)]
+    assert calls == ([(0, 2, 80), *back, *([] if had else ["unlock"])] if locks else back)

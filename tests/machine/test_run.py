@@ -62,11 +62,12 @@ def test_joints_of_somebody_else_are_held_where_they_were_let_go_and_never_limp(
     gains = np.full(NA, 40.0), np.full(NA, 2.0)
     parking, released = Parking(gains), np.arange(NA) > 14
     first, later = np.linspace(0.0, 1.0, NA), np.full(NA, 5.0)
-    own = Command(np.full(NA, 3.0), released=released)
+    own = Command(np.full(NA, 3.0), released=released, period=0.004)
     for position in (first, later):
         sent = parking.hold(own, position)
         assert sent.joint_position is not None and sent.kp is not None and sent.kd is not None
         assert (sent.joint_position[released] == first[released]).all() and sent.released is None
+        assert sent.period == 0.004
         assert (sent.kp[released] == 40.0).all() and not sent.joint_torque[released].any()
         assert (sent.kp[~released] == 0.0).all() and (sent.joint_torque[~released] == 3.0).all()
     assert parking.hold(Command(np.zeros(NA)), later).joint_position is None  # all are taken back

@@ -209,6 +209,31 @@ def test_a_robot_whose_controller_does_not_begin_is_balanced_on() -> None:
     assert report.reason == "stopped"
 
 
+def test_a_control_begins_anew_whenever_its_run_does() -> None:
+    """Otherwise it would go on from where it was lifted, with the estimate of then."""
+    begins: list[float] = []
+
+    class Noted(wbc.PositionControl):
+        def reset(self, q: Any = None) -> None:
+            begins.append(machine.now)
+            super().reset(q)
+
+    machine = StillMachine(lambda time: 0.0 if 1.6 < time < 2.0 else 1.0)
+    control = Noted(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    report = runner_of(machine, control).run(3.2)
+    runs = [time for phase, time in report.phases if phase is Phase.RUN]
+    assert len(runs) == 2 and begins[-2:] == pytest.approx(runs) and control.failures == 0
+
+
+def test_a_control_of_another_robot_and_a_robot_without_feet_are_refused_before_a_machine_moves() -> None:
+    machine, other = StillMachine(lambda time: 1.0), wbc.load_robot("hrp4_class")
+    with pytest.raises(InputError, match=r"hrp4_class.* machine is .*g1"):
+        runner_of(machine, wbc.TorqueControl(wbc.balance_controller(other.robot(), PERIOD)))
+    machine.description = wbc.load_robot("panda")
+    with pytest.raises(InputError, match="two feet"):
+        runner_of(machine, OwnControl(lambda measurement: Command(np.zeros(9))))
+
+
 @pytest.mark.parametrize("mode", ["position", "torque"])
 def test_a_walk_that_has_walked_is_refused_before_a_machine_moves(mode: str) -> None:
     machine = StillMachine(lambda now: 0.0)

@@ -287,6 +287,9 @@ def test_a_mixed_command_does_to_the_joints_what_is_between_both() -> None:
     for part in (0.0, 0.01, 0.3, 1.0):
         expected = (1.0 - part) * effect(first) + part * effect(second)
         np.testing.assert_allclose(effect(mixed(first, second, part)), expected, atol=1e-12)
+    told = {"released": np.ones(5, dtype=bool), "sole_stiffness": np.ones(2), "period": 0.002}
+    half = mixed(first, replace(second, **told), 0.5)
+    assert all(getattr(half, name) is value for name, value in told.items())
 
 
 def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() -> None:

@@ -6,16 +6,18 @@ import contextlib
 import ctypes
 import gc
 import os
+import re
 import resource
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 SPIN = 150e-6
 """Time before a deadline from which the loop no longer sleeps, s: a sleep ends late by this much as a rule."""
 
-TIMER_SLACK = 29
-"""PR_SET_TIMERSLACK of Linux: how late the kernel may wake this process to save power, ns."""
+SET_SLACK, GET_SLACK = 29, 30
+"""PR_SET_TIMERSLACK and PR_GET_TIMERSLACK of Linux: how late the kernel may wake this process to save power, ns."""
 
 LOCK_ALL = 3
 """MCL_CURRENT | MCL_FUTURE: no page of this process is swapped out."""
@@ -63,23 +65,39 @@ def ask_priority(priority: int) -> int:
     return 0
 
 
-def keep_timers_sharp() -> None:
-    """Have the kernel wake this process as soon as a sleep ends, where it can be asked."""
+def let_timers_slack(slack: int) -> int:
+    """Set how late the kernel may wake this process after a sleep, ns, 0 for its default; return what it was before."""
+    before = 0
     with contextlib.suppress(OSError, AttributeError):  # there is none but on Linux
-        ctypes.CDLL(None, use_errno=True).prctl(TIMER_SLACK, 1, 0, 0, 0)
+        prctl = ctypes.CDLL(None).prctl
+        before = max(0, int(prctl(GET_SLACK, 0, 0, 0, 0)))
+        prctl(SET_SLACK, slack, 0, 0, 0)
+    return before
+
+
+def _has_locked_pages() -> bool:
+    """Return True if this process has pages that are not swapped out."""
+    with contextlib.suppress(OSError):
+        return re.search(r"^VmLck:\s+[1-9]", Path("/proc/self/status").read_text(), re.MULTILINE) is not None
+    return False
 
 
 @contextlib.contextmanager
 def quiet(priority: int | None) -> Iterator[Quiet]:
-    """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail."""
-    got = Quiet()
+    """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail.
+
+    Afterwards they are as the program had them; pages stay locked if it had locked some itself.
+    """
+    got, locked = Quiet(), _has_locked_pages()
+    with contextlib.suppress(OSError, AttributeError):
+        scheduler = os.sched_getscheduler(0), os.sched_getparam(0)
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()
     before_collections = sum(entry["collections"] for entry in gc.get_stats())
     with contextlib.suppress(OSError, AttributeError):
-        got.memory_locked = ctypes.CDLL(None, use_errno=True).mlockall(LOCK_ALL) == 0
-    keep_timers_sharp()
+        got.memory_locked = ctypes.CDLL(None).mlockall(LOCK_ALL) == 0
+    slack = let_timers_slack(1)
     got.priority = ask_priority(priority or 0)
     start = resource.getrusage(resource.RUSAGE_SELF)
     try:
@@ -90,8 +108,9 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
         got.collections = sum(entry["collections"] for entry in gc.get_stats()) - before_collections
         if got.priority:
             with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        if got.memory_locked:
+                os.sched_setscheduler(0, *scheduler)
+        let_timers_slack(slack)
+        if got.memory_locked and not locked:
             ctypes.CDLL(None).munlockall()
         if enabled:
             gc.enable()

@@ -17,27 +17,29 @@ def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:
     return replace(command, kp=kp, kd=kd)
 
 
-def mixed(first: Command | None, second: Command, part: float) -> Command:
+def references(command: Command, position: Array) -> tuple[Array, Array]:
+    """Return position and velocity references of a command; where it has none, the position, shape (na,), and zero."""
+    q, v = command.joint_position, command.joint_velocity
+    return position if q is None else q, np.zeros_like(position) if v is None else v
+
+
+def mixed(first: Command, second: Command, part: float) -> Command:
     """Return a command between two by what they do to the joints: torques, gains and servo torques in proportion.
 
-    At `part` 0 it is the first, with references and gains (None for the second one alone), from 1 on the second.
+    At `part` 0 it is the first, which has references and gains as the second has gains, from 1 on the second.
     """
-    if first is None or part >= 1.0:
+    if part >= 1.0:
         return second
     a, b, zero = 1.0 - part, part, np.zeros_like(second.joint_torque)
-    kp1, kd1, kp2, kd2 = (
-        zero if gains is None else gains for gains in (first.kp, first.kd, second.kp, second.kd)
-    )
-    q1 = zero if first.joint_position is None else first.joint_position
-    v1 = zero if first.joint_velocity is None else first.joint_velocity
-    q2 = q1 if second.joint_position is None else second.joint_position
-    v2 = zero if second.joint_velocity is None else second.joint_velocity
+    (kp1, kd1), (kp2, kd2) = first.gains((zero, zero)), second.gains((zero, zero))
+    q1, v1 = references(first, zero)
+    q2, v2 = references(second, q1)
     kp, kd = a * kp1 + b * kp2, a * kd1 + b * kd2
     # kp q = a kp1 q1 + b kp2 q2: the servos' torque is between both as well.
     q = np.divide(a * kp1 * q1 + b * kp2 * q2, kp, out=np.array(q2), where=kp > 0.0)
     v = np.divide(a * kd1 * v1 + b * kd2 * v2, kd, out=np.array(v2), where=kd > 0.0)
     torque = a * first.joint_torque + b * second.joint_torque
-    return Command(torque, q, v, second.sole_stiffness, kp, kd, second.released)
+    return replace(second, joint_torque=torque, joint_position=q, joint_velocity=v, kp=kp, kd=kd)
 
 
 class Parking:
@@ -57,20 +59,15 @@ class Parking:
             return command
         self._place = np.where(released & self._parked, self._place, position)
         self._parked = released.copy()
+        q, v = references(command, position)
         whole = with_gains(command, self._gains)
-        q, v = whole.joint_position, whole.joint_velocity
-        q, v = position if q is None else q, np.zeros_like(position) if v is None else v
-        assert whole.kp is not None and whole.kd is not None
-        kp, kd = (
-            np.where(released, own, given)
-            for own, given in zip(self._gains, (whole.kp, whole.kd), strict=True)
-        )
-        torque = np.where(released, 0.0, whole.joint_torque)
-        return Command(
-            torque,
-            np.where(released, self._place, q),
-            np.where(released, 0.0, v),
-            command.sole_stiffness,
-            kp,
-            kd,
+        (own_kp, own_kd), (kp, kd) = self._gains, whole.gains(self._gains)
+        return replace(
+            whole,
+            joint_torque=np.where(released, 0.0, whole.joint_torque),
+            joint_position=np.where(released, self._place, q),
+            joint_velocity=np.where(released, 0.0, v),
+            kp=np.where(released, own_kp, kp),
+            kd=np.where(released, own_kd, kd),
+            released=None,
         )

@@ -20,7 +20,7 @@ import time
 from typing import Any
 
 from wbc.base.processes import child_command
-from wbc.machine.clock import ask_priority, keep_timers_sharp
+from wbc.machine.clock import ask_priority, let_timers_slack
 from wbc.machine.loop import Driver, MachineError
 
 BEAT = struct.Struct("<dd")
@@ -135,7 +135,7 @@ def main() -> None:
     driver = pickle.load(sys.stdin.buffer)
     memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
     ask_priority(int(sys.argv[2]))
-    keep_timers_sharp()
+    let_timers_slack(1)
     driver.damp()  # opens the wire; the loop has sent no command yet
     os.write(sys.stdout.fileno(), WATCHING)
     watch(driver, memory, int(sys.argv[3]))

@@ -104,6 +104,8 @@ class Phases:
         last: The command that was sent last; None before the first one.
     """
 
+    _before: Command  # of the phase before, from which commands are mixed
+
     def __init__(
         self,
         driver: Driver,
@@ -124,7 +126,6 @@ class Phases:
         # Times of the clock at which the run, the phase and the way to half-sitting have begun, s.
         self._begin = self._since = self._started = 0.0
         self.last: Command | None = None
-        self._before: Command | None = None  # of the phase before, from which commands are mixed
         self._held, self._risen = np.zeros(robot.na), 1.0  # by the stop, and with this share of the gains
         # For a control of one's own, by the attitude that the loads follow; the library's have a test of theirs.
         self._fallen = driver.description.robot() if control.drives is None else None
@@ -253,10 +254,10 @@ class Phases:
         return command
 
     def _begin_run(self, stand: Stand | None, now: float) -> None:
-        """Let the controller begin from where the robot is balanced; one that refuses leaves it balanced."""
+        """Let the controller begin from where the robot is balanced, or its servos hold it; one may refuse to."""
         try:
-            if stand is not None:
-                self._control.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
+            balanced = None if stand is None else np.array(stand.control.observer.robot.q)
+            self._control.reset(None if balanced is None else standing(self._robot, balanced))
         except InputError as error:
             logger.warning("the controller does not begin, and the robot is balanced on: %s", error)
             self._may_run = False

@@ -55,6 +55,11 @@ class Runner:
         Arguments and errors are those of `run`; `clock` replaces the clock in tests.
         """
         check_driver(driver)
+        self._robot = robot = driver.description.robot()
+        robot.needs_feet("a run")
+        drives = control.drives
+        if drives is not None and drives.controller.robot.joint_names != robot.joint_names:
+            raise InputError(f"the control is for {drives.controller.robot!r}, its machine is {robot!r}")
         self.period = 1.0 / rate
         control.check_period(self.period)
         if not control.restarts:
@@ -67,8 +72,7 @@ class Runner:
                 f"robot_timeout and control_timeout must be longer than the control period, got {s.robot_timeout:g} s "
                 f"and {s.control_timeout:g} s at a rate of {rate:g} Hz, {self.period:g} s a period"
             )
-        self._robot = self.description.robot()
-        self._inlet = Inlet(self._robot, self.period)
+        self._inlet = Inlet(robot, self.period)
         self._phases: Phases | None = None
         self._times = TickTimes(self.period)
         self._clock = clock or Clock()

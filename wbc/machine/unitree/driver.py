@@ -18,7 +18,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.gate import CommandGate
 from wbc.core.signals import Command, Measurement
-from wbc.machine.commands import with_gains
+from wbc.machine.commands import references, with_gains
 from wbc.machine.loop import Driver
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import (
@@ -229,13 +229,11 @@ class UnitreeDriver(Driver):
 
     def write(self, command: Command) -> None:
         """See `Driver`; without position references the motors get only the torque."""
-        whole = with_gains(command, self.gains)
-        q, v = command.joint_position, command.joint_velocity
-        q = np.nan_to_num(_possible(self._position)) if q is None else q  # without a reading no stiffness
-        v = self._zero if v is None else v
-        whole = replace(whole, joint_position=q, joint_velocity=v)
+        known = _possible(self._position)
+        q, v = references(command, np.nan_to_num(known))  # without a reading no stiffness
+        whole = replace(with_gains(command, self.gains), joint_position=q, joint_velocity=v)
         try:
-            whole = self._gate.admit(whole, (_possible(self._position), self._velocity))
+            whole = self._gate.admit(whole, (known, self._velocity))
         except InputError as error:
             self._say(f"{error}: the joints are damped")
             self.damp()
