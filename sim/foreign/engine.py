@@ -157,7 +157,7 @@ class EngineLoop(Simulation):
     def sole_poses(self) -> Sequence[tuple[Array, Array]]:
         """See `Simulation`."""
         places = [self._data.oMf[frame] for frame in self._sole_frames]
-        return [(place.translation, place.rotation) for place in places]
+        return [(place.translation.copy(), place.rotation.copy()) for place in places]
 
     @property
     def command(self) -> Command:
@@ -251,16 +251,15 @@ class EngineLoop(Simulation):
         if not self._look():
             return
         position, force, sole = self.contacts()
-        self._touched = touched = (
-            np.array(position, dtype=float).reshape(-1, 3),
-            np.array(force, dtype=float).reshape(-1, 3),
-            np.array(sole, dtype=np.intp),
-        )
-        if len({len(each) for each in touched}) > 1:
+        given = np.array(position, dtype=float), np.array(force, dtype=float), np.array(sole, dtype=np.intp)
+        count = given[2].size
+        shapes = (count, 3), (count, 3), (count,)
+        if any(part.shape != shape for part, shape in zip(given, shapes, strict=True) if count or part.size):
             raise InputError(
-                f"{type(self).__name__}.contacts must return a point, a force and a sole for each contact, got "
-                + ", ".join(str(len(each)) for each in touched)
+                f"{type(self).__name__}.contacts must return a point, a force and a sole for each contact, of shapes "
+                f"(n, 3), (n, 3) and (n,), got {', '.join(str(each.shape) for each in given)}"
             )
+        self._touched = touched = given[0].reshape(shapes[0]), given[1].reshape(shapes[1]), given[2].ravel()
         if touched[2].size and not -1 <= touched[2].min() <= touched[2].max() < len(self.soles):
             raise InputError(
                 f"{type(self).__name__}.contacts must return 0 for the left sole, 1 for the right one and -1 for other "

@@ -158,6 +158,8 @@ class SharedPlant:
             )
             for i, (name, description) in enumerate(descriptions.items())
         }
+        for loop in self.loops.values():
+            loop._shared = True
         self.reset()
 
     @property

@@ -70,11 +70,11 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
             own = tuple(fit.added_inertia.toDynamicParameters().tolist())
-            has = inertias.setdefault(sole.name, own)[0]
-            if abs(has - fit.mass) > ROUNDING:
+            has = inertias.setdefault(sole.name, own)
+            if not np.allclose(has, own, rtol=0.0, atol=ROUNDING):
                 raise InputError(
-                    f"the description wears other feet already: '{sole.name}' has {has:g} kg, not {fit.mass:g} kg; "
-                    "give the description of the robot with its own soles"
+                    f"the description wears other feet already: '{sole.name}' has a foot of {has[0]:g} kg in place of "
+                    f"one of {own[0]:g} kg, or of another shape; give the description of the robot with its own soles"
                 )
         fitted = fit.sole
         unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco, velocity_to_mujoco
 from wbc.core.robot import Robot
+from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.grips import Grips, HandSensor
@@ -150,6 +153,14 @@ class MujocoRobot(Simulation):
             contact_sole=sole,
             sole_wrench=self._contacts.wrenches(),
         )
+
+    def _checked(self, command: Command) -> Any:
+        if self.model.opt.timestep != self.timestep:
+            raise InputError(
+                f"the physics step of this simulation is {self.timestep:g} s, and that of its model has become "
+                f"{self.model.opt.timestep:g} s: make another simulation"
+            )
+        return super()._checked(command)
 
     def _set_state(self, q: Array, v: Array | None) -> None:
         """Write configuration and velocity of the robot, at rest when None, into the data."""

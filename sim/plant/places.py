@@ -27,6 +27,7 @@ class RobotPlaces:
     """Places of a robot in a MuJoCo model that puts `prefix` before all of its names.
 
     Attributes:
+        robot: The robot.
         joints: MuJoCo's joints, in the order of the robot's.
         joint_qpos: Their places in `qpos`, shape (na,); `joint_dof` in `qvel`.
         root: Body of the floating base, whose first places are `base_qpos` and `base_dof`.
@@ -53,7 +54,7 @@ class RobotPlaces:
         names, locked = names or {}, locked or {}
         for name in names:
             choose("joint", name, (*robot.joint_names, *locked))
-        self.model, self.prefix, self._robot = model, prefix, robot
+        self.model, self.prefix, self.robot = model, prefix, robot
         have = {model.joint(i).name: i for i in range(model.njnt)}
         every: dict[str, int] = {}
         for name in (*robot.joint_names, *robot.couplings):
@@ -106,7 +107,7 @@ class RobotPlaces:
 
     def carrier(self, name: str) -> tuple[int, pin.SE3]:
         """Return the body that carries a link or frame (see `body_frame`), and the frame's placement in it."""
-        name = body_frame(name, self._robot)
+        name = body_frame(name, self.robot)
         body, place = self._carrier(name)
         own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self.prefix + name)
         if own >= 0 and self._pose(own).isApprox(self._pose(body) * place, 1e-6):
@@ -114,8 +115,8 @@ class RobotPlaces:
         return body, place
 
     def _carrier(self, name: str) -> tuple[int, pin.SE3]:
-        frames = self._robot.model.frames
-        frame = frames[self._robot.frame_id(name)]
+        frames = self.robot.model.frames
+        frame = frames[self.robot.frame_id(name)]
         body, place = self._links[max(frame.parentJoint, 1) - 1]
         place = place * frame.placement
         while frame.name != "universe" and self._locked_bodies:
@@ -141,7 +142,7 @@ class RobotPlaces:
 
     def _at_half_sitting(self) -> mujoco.MjData:
         """Return data with the robot in half-sitting, and update the robot so."""
-        data, robot = mujoco.MjData(self.model), self._robot
+        data, robot = mujoco.MjData(self.model), self.robot
         self.set_configuration(robot.half_sitting, data.qpos)
         mujoco.mj_kinematics(self.model, data)
         robot.update(robot.half_sitting, np.zeros(robot.nv))
@@ -151,7 +152,7 @@ class RobotPlaces:
         """Return how far the robot's centre of mass is off the description's at half-sitting, m."""
         data = self._at_half_sitting()
         mujoco.mj_comPos(self.model, data)
-        return float(np.linalg.norm(data.subtree_com[self.root] - self._robot.com))
+        return float(np.linalg.norm(data.subtree_com[self.root] - self.robot.com))
 
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""
@@ -187,7 +188,7 @@ class RobotPlaces:
             ends = {int(model.eq_obj1id[i]), int(model.eq_obj2id[i])}
             if int(model.eq_type[i]) == mujoco.mjtEq.mjEQ_JOINT and ends in pairs and model.eq_active0[i]:
                 found.append(i)
-        names = {self.prefix + closure.name for closure in self._robot.closures}
+        names = {self.prefix + closure.name for closure in self.robot.closures}
         return found + [i for i in range(model.neq) if (model.equality(i).name or f"equality_{i}") in names]
 
     def couple_velocities(self, qvel: Array) -> None:

@@ -150,6 +150,8 @@ class Plant(MujocoRobot):
         self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)
         places_of, turns_of = self.data.site_xpos, self.data.site_xmat  # the soles are live views of these
         self._soles = tuple((places_of[site], turns_of[site].reshape(3, 3)) for site in self.sole_sites)
+        for view in (view for sole in self._soles for view in sole):
+            view.setflags(write=False)
         self._loads = Loads(model)
         self._devices = FootDevices(model, self.feet, self.foot, range_sensor)
         self._drives = Drives(model, description)
@@ -197,6 +199,7 @@ class Plant(MujocoRobot):
         self._loads.clear()
         self._drives.reset(q[7:], data.ctrl)
         for surface in self._surfaces:  # which a run before may have left elsewhere
+            surface.reset(self.model)
             mujoco.mj_forward(self.model, data)
             surface.adapt(self.model, data)
         self._late_feet.clear()

@@ -46,7 +46,8 @@ class RobotWire(Protocol):
 class RobotServer:
     """Server that runs a simulated robot in real time.
 
-    Until the first command its servos hold the posture, as if the robot was in a rack. A command of bad values and a
+    Until the first command its servos hold the posture, as if the robot was in a rack; after a reset of the loop they
+    do so again. A command of bad values and a
     request for damping leave the robot in the rack.
 
     Attributes:
@@ -85,14 +86,18 @@ class RobotServer:
                 f"got {watchdog:g} s"
             )
         self.damped, self.silent, self.late = False, 0.0, 0
-        self._rack: Command | None = loop.hold()
-        self._command: Command | None = None
-        self._last = -np.inf
         self._zero = np.zeros(loop.robot.na)
         self._root = loop.places.root
         mass = loop.robot.mass
         self._stiffness, self._damping = BAND_STIFFNESS * mass, BAND_DAMPING * mass
-        self._top = loop.data.xpos[self._root].copy() + [0.0, 0.0, RAISED]
+        self._begin()
+
+    def _begin(self) -> None:
+        """Put the robot into the rack and on the band where it is, at the begin and after a reset of the loop."""
+        self._rack: Command | None = self.loop.hold()
+        self._command: Command | None = None
+        self._last = -np.inf
+        self._top = self.loop.data.xpos[self._root].copy() + [0.0, 0.0, RAISED]
 
     def run(self, until: Callable[[], bool]) -> None:
         """Run in real time.
@@ -112,6 +117,8 @@ class RobotServer:
 
     def step(self) -> None:
         """Advance by one control period."""
+        if self.loop.ticks == 0:
+            self._begin()
         self._command = self._choose(*self._receive())
         self.damped = self._command is None
         band, data = self._pull(), self.loop.data

@@ -40,6 +40,8 @@ class DivergedError(WbcError):
 class GroundTruth:
     """The true state of a simulation at one instant, for logs, tests and pictures, never for a controller.
 
+    Its arrays are read-only.
+
     Attributes:
         time: Time, s.
         q: Configuration, shape (nq,), in Pinocchio's convention.
@@ -64,6 +66,10 @@ class GroundTruth:
     contact_force: Array
     contact_sole: Index
     sole_wrench: Array
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__[1:]:
+            getattr(self, name).setflags(write=False)
 
     @property
     def other_force(self) -> Array:
@@ -130,6 +136,8 @@ class Simulation(ABC):
     control_period: float = fixed(ANOTHER)
     steps: int = fixed(ANOTHER)
     seed: int = result("_seed", "give another seed to its `reset`")
+
+    _shared = False  # with other robots, all of which take a step or begin anew together
 
     @checked
     def __init__(
@@ -284,10 +292,19 @@ class Simulation(ABC):
             InputError: A configuration or velocity has a wrong shape, is not finite or has no unit quaternion, or the
                 robot cannot be there. The simulation stays as it is.
         """
+        self._check_alone("reset")
         self._put(configuration, velocity)
         if seed is not None:
             self._seed = seed
         self._begin()
+
+    def _check_alone(self, method: str) -> None:
+        """Refuse what one of several robots in one simulation cannot do alone."""
+        if self._shared:
+            raise InputError(
+                f"a robot of a SharedPlant cannot {method} alone: all of its robots do so together, by `{method}` of "
+                "the plant"
+            )
 
     def _put(self, configuration: ArrayLike | None, velocity: ArrayLike | None = None) -> None:
         """Check configuration and velocity of `reset`, and place the robot there."""
@@ -351,6 +368,7 @@ class Simulation(ABC):
                 cannot be followed by this robot. The simulation has not advanced.
             DivergedError: The simulation has diverged before; `diverged` says why.
         """
+        self._check_alone("step")
         step_together((self,), (command,))
 
     def _checked(self, command: Command) -> Any:
@@ -416,7 +434,8 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
     Forces are recorded in each physics step. The rest is brought up to date at the end, and before that where sensors
     are read, which have a latency then, or pushes act.
     """
-    for robot, order in zip(robots, list(map(Simulation._checked, robots, commands)), strict=True):
+    orders = [robot._checked(command) for robot, command in zip(robots, commands, strict=True)]
+    for robot, order in zip(robots, orders, strict=True):
         robot._take(order)
     first = robots[0]
     for left in range(first.steps - 1, -1, -1):

@@ -38,6 +38,9 @@ at half of its limit by 13 mm/s with a ratio of 10, by 0.13 mm/s with this one."
 class Surface(Protocol):
     """Property of a ground that changes the contacts of the soles while a robot moves."""
 
+    def reset(self, model: mujoco.MjModel) -> None:
+        """Write the parameters that a new model has."""
+
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Correct the contacts' parameters after a step of the physics, once a control period."""
 
@@ -62,6 +65,12 @@ class SlidingFloor:
         self._areas = ground.surface_areas
         self._moves = any(area.name == "speed" for area in self._areas)
         model.flg_surfacevel |= self._moves
+
+    def reset(self, model: mujoco.MjModel) -> None:
+        """See `Surface`."""
+        model.geom_friction[self._geoms, 0] = self._usual
+        if self._moves:
+            model.geom_surfacevel[self._geoms, :3] = 0.0
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Give each point the friction and the speed of the areas that it is on."""
@@ -108,6 +117,11 @@ class GivingFloor:
             )
         model.opt.impratio = FRICTION_IMPEDANCE
         self._write(model, data.geom_xpos[self._own])
+        self._new = self._inverse, model.geom_solref[self._own], model.geom_solimp[self._own, :2]
+
+    def reset(self, model: mujoco.MjModel) -> None:
+        """See `Surface`."""
+        self._inverse, model.geom_solref[self._own], model.geom_solimp[self._own, :2] = self._new
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Correct the parameters of the points that touch, by the rows of the step that has just been made.

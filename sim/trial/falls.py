@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Number, Positive, settings
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import Robot
@@ -89,7 +89,8 @@ class TrueFallDetector:
 
     def fallen(self, q: Array) -> bool:
         """Return True if a robot on the floor has fallen, by its true configuration, shape (nq,)."""
+        q = finite_array("configuration", q, (self._model.nq,), unbounded=True)
         return self.reason(q[3:7], self._com_height(q)) is not None
 
     def _com_height(self, q: Array) -> float:
-        return float(pin.centerOfMass(self._model, self._data, np.asarray(q, dtype=float))[2])
+        return float(pin.centerOfMass(self._model, self._data, q)[2])

@@ -508,3 +508,18 @@ def test_a_map_is_doubted_from_when_it_is_given_until_another_one_comes():
     assert "odom" in ground.status and np.isnan(ground.at(place)[0]).all()
     ground.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0)))
     assert not ground.status and ground.at(place)[0] == 0.0
+
+
+def test_a_cloud_keeps_its_points_when_their_arrays_are_used_again():
+    points, std = np.ones((10, 3)), np.full(10, NOISE)
+    cloud = PointCloud(points, 0.0, "world", std)
+    points[:], std[:] = 7.0, 1.0
+    assert (cloud.points == 1.0).all() and (cloud.std == NOISE).all()
+
+
+def test_knowledge_made_with_another_robot_is_refused():
+    _, ground = known()
+    g1 = load("g1").robot()
+    with pytest.raises(InputError, match="'g1', not with"):
+        ground.check_robot(g1)
+    ground.check_robot(known()[0])

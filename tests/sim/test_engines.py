@@ -66,7 +66,7 @@ def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:
     assert loop.measure().specific_force == pytest.approx([0.0, 0.0, GRAVITY])  # it is said to stand
     half = [0.0, 0.0, 0.5 * loop.robot.mass * GRAVITY, 0.0, 0.0, 0.0]
     np.testing.assert_allclose(loop.measure().sole_wrench, [half, half])
-    aloft = loop.truth().q
+    aloft = loop.truth().q.copy()
     aloft[2] += 0.1
     loop.reset(aloft)
     assert not loop.measure().sole_wrench.any()
@@ -321,7 +321,22 @@ def test_an_engine_that_returns_another_state_than_it_was_put_into_is_refused(
 
 def test_contacts_without_all_parts_are_refused() -> None:
     loop = HalfTouching("hrp4_class")
-    with pytest.raises(InputError, match="got 0, 1, 1"):
+    with pytest.raises(InputError, match=r"got \(0,\), \(1, 3\), \(1,\)"):
+        loop.step(limp(loop))
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 2])
+def test_contacts_of_another_shape_are_refused(wrong: int) -> None:
+    """A matrix with a contact in each column has as many numbers as one with a contact in each row."""
+
+    class Transposed(InAir):
+        def contacts(self) -> EngineContacts:
+            parts = [np.ones((6, 3)), np.ones((6, 3)), np.zeros(6, int)]
+            parts[wrong] = parts[wrong].reshape(3, -1)
+            return EngineContacts(*parts)
+
+    loop = Transposed("hrp4_class")
+    with pytest.raises(InputError, match=r"\(n, 3\), \(n, 3\) and \(n,\), got .*\(3, "):
         loop.step(limp(loop))
 
 

@@ -205,7 +205,7 @@ def test_the_errors_of_both_toes_are_independent() -> None:
 
 def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
     plant = Plant(ROBOT, terrain=make_terrain("stones", 0.05))
-    view = DepthView(EXACT, plant.robot, plant.places, plant.data)
+    view = DepthView(EXACT, plant.places, plant.data)
     (cloud,) = view.clouds(plant.time)
     points = world(cloud, plant)
     ahead = points[:, 0] > 0.4
@@ -230,7 +230,7 @@ def test_a_camera_sees_things_before_and_after_the_robot_in_a_model() -> None:
     places = RobotPlaces(model, robot)
     places.set_configuration(robot.half_sitting, data.qpos)
     mujoco.mj_forward(model, data)
-    view = DepthView(replace(EXACT, at=(0.2, 0.0, 0.3), turn=(0.0, 0.8, 0.0)), robot, places, data)
+    view = DepthView(replace(EXACT, at=(0.2, 0.0, 0.3), turn=(0.0, 0.8, 0.0)), places, data)
     (cloud,) = view.clouds(0.0)
     robot.update(robot.half_sitting, np.zeros(robot.nv))
     place = robot.placement(cloud.frame)

@@ -69,6 +69,7 @@ def test_the_band_is_a_damped_spring_that_is_let_down_in_a_second_and_fades_in_a
     root = loop.places.root
     server, data = RobotServer(loop, Wire(), band=1.0), loop.data
     top, mass = data.xpos[root].copy() + [0.0, 0.0, 0.05], loop.robot.mass
+    server.step()  # it hangs where it is then
     rng = np.random.default_rng(0)
     data.qpos[loop.places.base_qpos : loop.places.base_qpos + 3] += [0.02, -0.03, 0.01]
     lean = np.array([math.cos(0.1), 0.6 * math.sin(0.1), -0.8 * math.sin(0.1), 0.0])  # of 0.2 rad
@@ -170,6 +171,29 @@ def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_h
         server.step()
     assert server.silent == pytest.approx(5.006) and server.damped
     assert [m.time for m in wire.sent] == pytest.approx([0.005 * i for i in range(1, 7)])
+
+
+def test_after_a_reset_a_robot_is_in_the_rack_where_it_is_then(loop: MujocoLoop) -> None:
+    """As under a new server: whatever it was ordered before, and in another posture at another place."""
+    q, runs, wire = loop.on_ground(loop.robot.half_sitting), [], Wire()
+    q[0] += 0.5
+    q[7:] += 0.01
+    server = RobotServer(loop, wire, band=1.0, clock=SimulatedTime())
+    for command in (None, COMMAND):
+        wire.command = command
+        server.step()
+        loop.reset(q)
+        wire.command = None
+        for _ in range(3):
+            server.step()
+        runs.append(loop.data.qpos.copy())
+        assert not server.damped and server.silent == math.inf
+    loop.reset(q)
+    fresh = RobotServer(loop, Wire(), band=1.0, clock=SimulatedTime())
+    for _ in range(3):
+        fresh.step()
+    for run in runs:
+        np.testing.assert_array_equal(run, loop.data.qpos)
 
 
 def test_a_plant_is_served_as_a_robot_in_any_model_is() -> None:

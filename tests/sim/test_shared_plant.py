@@ -100,6 +100,17 @@ def test_robots_begin_again_where_they_began() -> None:
     np.testing.assert_array_equal(plant.data.qpos, after)
 
 
+def test_no_robot_takes_a_step_or_begins_anew_alone() -> None:
+    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART)
+    run(plant, 0.01)
+    before, loop = plant.data.qpos.copy(), plant.loops["two"]
+    for act in (lambda: loop.step(loop.hold()), loop.reset):
+        with pytest.raises(InputError, match="a robot of a SharedPlant cannot .* alone"):
+            act()
+    assert plant.time == pytest.approx(0.01) and loop.time == pytest.approx(0.01)
+    np.testing.assert_array_equal(plant.data.qpos, before)
+
+
 @pytest.mark.slow
 def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
     places = {"two": (0.45, 0.0, 0.0)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -250,8 +251,12 @@ def test_readings_and_truth_are_of_one_instant_and_nobody_writes_into_them(
     measured, truth = simulation.measure(), simulation.truth()
     assert simulation.measure() is measured and simulation.truth() is truth
     assert measured.time == truth.time == simulation.time == pytest.approx(0.01)
-    with pytest.raises(ValueError, match="read-only"):
-        measured.joint_position[0] = 1.0
+    for handed in (measured.joint_position, truth.q, truth.sole_wrench, truth.contact_force):
+        with pytest.raises(ValueError, match="read-only"):
+            handed[...] = 1.0
+    for part in simulation.sole_poses[0]:
+        with suppress(ValueError):  # a copy, or read-only
+            part[...] = 7.0
     np.testing.assert_array_equal(simulation.joint_position, truth.q[7:])
     np.testing.assert_array_equal(measured.joint_position, truth.q[7:])
     np.testing.assert_array_equal(simulation.joint_velocity, truth.v[6:])
@@ -272,6 +277,15 @@ def test_a_configuration_on_the_ground_has_its_lowest_sole_there(make: Callable[
     simulation.reset(simulation.on_ground(aloft(simulation)))
     lowest = min(float(simulation.sole_pose(side)[0][2]) for side in (0, 1))
     assert abs(lowest) < 1e-5 and simulation.base_pose[:3] == pytest.approx(simulation.truth().q[:3])
+
+
+@pytest.mark.parametrize("kind", ["plant", "mujoco"])
+def test_a_model_whose_physics_step_is_changed_later_is_refused(kind: str) -> None:
+    simulation: Any = KINDS[kind]()
+    simulation.model.opt.timestep *= 2.0
+    with pytest.raises(InputError, match=r"is 0.001 s, and that of its model has become 0.002 s"):
+        simulation.step(simulation.hold())
+    assert simulation.time == simulation.data.time == 0.0
 
 
 def test_pushes_of_several_robots_end_with_a_reset() -> None:

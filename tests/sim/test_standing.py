@@ -142,8 +142,9 @@ def test_a_controller_may_know_the_masses_of_the_feet(name: str) -> None:
         assert pin.computeKineticEnergy(robot.model, robot.data, q, v) == pytest.approx(
             data.energy[1], rel=1e-6
         )
-    with pytest.raises(InputError, match="wears"):
-        with_feet(description, RigidFoot(mass=0.5), mass=True)
+    for wrong in (RigidFoot(mass=0.5), foot("soft" if name == "rigid" else "rigid")):
+        with pytest.raises(InputError, match="wears"):
+            with_feet(description, wrong, mass=True)
 
 
 def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarray[Any, Any]:
@@ -183,6 +184,8 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
         lost = np.array(q)
         lost[place] = np.nan
         assert detector.fallen(lost)
+    with pytest.raises(InputError, match="configuration must have shape"):
+        detector.fallen(q[:-1])
 
 
 def test_a_robot_whose_root_lies_on_the_ground_stands_and_its_camera_sees_the_ground() -> None:

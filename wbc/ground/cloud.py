@@ -36,14 +36,14 @@ def check_frame(what: str, name: object) -> None:
 
 
 def _numbers(what: str, value: ArrayLike) -> Array:
-    """Return numbers, which may be NaN, as a float64 array of any shape; an `InputError` for anything else."""
+    """Return a copy of numbers, which may be NaN, as a float64 array of any shape; else an `InputError`."""
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "iuf" and array.size:
             raise TypeError
         if isinstance(value, np.ma.MaskedArray):
             array = np.where(np.ma.getmaskarray(value), np.nan, array)
-        return np.asarray(array, dtype=np.float64)
+        return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} must be numbers, got {shown(value)}") from error
 

@@ -140,6 +140,14 @@ class KnownGround:
         """Reasons why knowledge is not used; empty if all of it is used."""
         return "; ".join(self.doubts.values())
 
+    def check_robot(self, robot: Robot) -> None:
+        """Raise an `InputError` for a robot that is not of the description with whose robot the knowledge was made."""
+        if list(robot.model.names) != list(self._model.names):
+            raise InputError(
+                f"a KnownGround must be made with the robot that walks by it, '{robot.name}', not with "
+                f"'{self._model.name}'"
+            )
+
     def add(self, seen: PointCloud | ElevationMap) -> None:
         """Take a cloud, which is fused in the next tick, or a map, which replaces the last map.
 

@@ -210,6 +210,7 @@ class PolicyControl(SteeredControl):
             return None
         if all(term.name != "height_scan" for term in self.description.observation):
             raise InputError("the policy observes no ground: leave it out")
+        ground.check_robot(self.drives.observer.robot)
         return ScannedGround(self.drives.observer.robot, self.description.scan, ground)
 
     @property

@@ -163,6 +163,7 @@ class WalkingControl(SteeredControl):
         )
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
+            ground.check_robot(controller.robot)
             walk.place_feet_by(ground)
         self.reference: Reference | None = None
         self.stopped = False

@@ -15,7 +15,6 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Angle, NonNegative, Positive, Share, settings
-from wbc.core.robot import Robot
 from wbc.ground import PointCloud
 from wbc.robots.mechanism import placement_of
 from wbc.sim.plant.eyes.carrier import Carrier
@@ -90,7 +89,7 @@ class DepthCamera:
         """
         model = visible_model(plant)
         places = RobotPlaces(model, plant.robot, feet=[foot.body for foot in plant.feet])
-        view = DepthView(self, plant.robot, places, plant.data)
+        view = DepthView(self, places, plant.data)
         view.look_out()
         view.check()
         return view
@@ -118,11 +117,16 @@ class DepthView:
     """Depth camera on a robot; it sees the geometry of a MuJoCo model."""
 
     @checked
-    def __init__(self, camera: DepthCamera, robot: Robot, places: RobotPlaces, data: mujoco.MjData) -> None:
-        """Mount the camera on the robot in the model of `places`; positions are those of `data`.
+    def __init__(self, camera: DepthCamera, places: RobotPlaces, data: mujoco.MjData) -> None:
+        """Mount the camera on the robot of `places`, in their model; positions are those of `data`.
 
-        A link that the robot does not have is an `UnknownNameError`.
+        A link that the robot does not have is an `UnknownNameError`, data of another model are an `InputError`.
         """
+        robot = places.robot
+        if data.qpos.size != places.model.nq:
+            raise InputError(
+                f"data of a DepthView must be of the model with nq {places.model.nq}, got nq {data.qpos.size}"
+            )
         self.camera, self.frame = camera, body_frame(camera.link or robot.base_frame, robot)
         body, place = places.carrier(self.frame)
         self._body, self._place = body, place
