@@ -185,7 +185,8 @@ def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:
         (dead, "no measurement that can be used within 0.5 s: encoder of "),
     ):
         with pytest.raises(MachineError, match=words):
-            make(machine, first=0.5).run(1.0)
+            balance = wbc.balance_controller(machine.description.robot(), PERIOD)
+            make(machine, wbc.TorqueControl(balance), first=0.5).run(1.0)
 
 
 # ---- processes that are killed ---------------------------------------------------------------------------------------
