@@ -90,6 +90,15 @@ def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
     np.testing.assert_allclose(rates(walking, "right_hand")[0, :3], moving, atol=2.0 * DT)
 
 
+def test_an_object_is_forgotten_once_no_hand_has_its_target_there() -> None:
+    walking = control()
+    walking.arms.place("box", pin.SE3.Identity())
+    walking.arms.place("box", None)
+    walking.arms.place("box", None)
+    with pytest.raises(InputError, match="no frame of a hand's target 'box'"):
+        walking.arms["left_hand"].reach([0.0, 0.0, 0.1], "box")
+
+
 def carried(walking: WalkingControl, name: str, move: Callable[[int], None], ticks: int) -> list[Any]:
     """Let a hand be where its reference is, by the base; return poses, feed-forwards and what it says of itself."""
     robot, hand, states = walking.controller.robot, walking.arms[name], []

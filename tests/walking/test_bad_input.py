@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from standing_hands import measure
 
@@ -15,6 +16,7 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.reaching import Arms
 from wbc.walking.plans.check import check_plan
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
@@ -66,6 +68,13 @@ def gripping() -> Hands:
     return given
 
 
+def bound() -> Arms:
+    arms = walking().arms
+    arms.place("box", pin.SE3.Identity())
+    arms["left_hand"].reach([0.0, 0.0, 0.1], "box")
+    return arms
+
+
 def one_handed() -> WalkingControl:
     given = wbc.load_robot("hrp4_class")
     description = replace(given, hands={"right_hand": given.hands["right_hand"]})
@@ -115,6 +124,8 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: hands().press("left_hand", 5.0, (0.0, 0.0, 0.0)), "direction of left_hand"),
     (lambda: walking().hands.press("left_hand", 5.0, DOWN), "after the first tick"),
     (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
+    (lambda: walking().hands.point("left_hand", NAN, 0.5), r"ahead of Hands.point"),
+    (lambda: bound().place("box", None), "release left_hand first"),
     (lambda: one_handed().hands.heading, "left_hand"),
     (lambda: SteppingConstants(area=AreaConstants(box=(2.0, 0.1))), "box of SteppingConstants"),
     (lambda: SwingConstants(touch=NAN), "touch must be a finite number"),

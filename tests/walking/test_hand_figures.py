@@ -244,7 +244,7 @@ def test_a_hand_goes_along_a_surface_and_then_towards_it_in_times_by_their_lengt
         hand = hands.all["left_hand"]
         start = np.array(hand.arm.place.translation)
         goal = start + along  # before the last 50 mm
-        hand.press(np.array(DOWN), 5.0, goal - (0.0, 0.0, 0.05 + 0.14))
+        hand.take(HandState.HOLD, np.array(DOWN), 5.0, goal - (0.0, 0.0, 0.05 + 0.14))
         back = along[2] > 0.0
         first = np.array((0.0, 0.0, along[2])) if back else np.array((*along[:2], 0.0))
         times = [3.0 * np.linalg.norm(part) / (0.1 + abs(along[2])) for part in (first, along - first)]

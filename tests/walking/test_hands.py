@@ -35,7 +35,7 @@ from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, wa
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.arm import LEAD
 from wbc.walking.hands.frames import FEET, FOLLOW, TargetFrames, carried
-from wbc.walking.hands.hand import HandState
+from wbc.walking.hands.hand import LEAST_WAY, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.plans.footsteps import Footstep
@@ -531,22 +531,33 @@ ORDERS: dict[str, Callable[[WalkingControl], None]] = {
 }
 
 
+def ticks_of(walking: WalkingControl, *, follows: bool = False) -> Callable[[], list[Any]]:
+    """Return a tick of the left hand on a surface that gives what is asked of it, and what it does in the tick.
+
+    The hand stays behind as if the arm did not move, or follows its reference.
+    """
+    hand, feet = walking.hands.all["left_hand"], feet_at(walking, np.zeros(3))
+
+    def tick() -> list[Any]:
+        holds, searches = (hand.state is state for state in (HandState.HOLD, HandState.APPROACH))
+        feel(hand, -(hand.force.total if holds else 5.0 * searches) * hand.direction)
+        walking.arms.update(feet, 0.0)
+        target = hand.arm.task.target
+        if follows:
+            hand.arm.place.translation, hand.arm.place.rotation = target.translation, target.rotation
+        places = *target.translation, *target.rotation.ravel(), *hand.direction
+        return [hand.state, *places, *hand.arm.task.scale, hand.force.total, hand.ordered]
+
+    return tick
+
+
 @pytest.mark.parametrize("order", ORDERS)
 def test_an_order_does_the_same_told_in_every_tick_and_once_more_after_a_release(order: str) -> None:
     """All that a hand does is the same to the last bit: on a surface that gives what is asked of it."""
 
     def told(ticks: int, *, again: bool = False) -> list[Any]:
         walking, hands = standing(reach_time=0.3, ramp=0.2)
-        hand, feet, done = hands.all["left_hand"], feet_at(walking, np.zeros(3)), []
-
-        def tick() -> None:
-            holds, searches = (hand.state is state for state in (HandState.HOLD, HandState.APPROACH))
-            feel(hand, -(hand.force.total if holds else 5.0 * searches) * hand.direction)
-            walking.arms.update(feet, 0.0)
-            target = hand.arm.task.target
-            places = *target.translation, *target.rotation.ravel(), *hand.direction
-            done.append((hand.state, *places, *hand.arm.task.scale, hand.force.total, hand.ordered))
-
+        hand, tick, done = hands.all["left_hand"], ticks_of(walking), []
         for _ in range(1 + again):
             done.clear()
             if order in ("release", "another force"):
@@ -556,7 +567,7 @@ def test_an_order_does_the_same_told_in_every_tick_and_once_more_after_a_release
             for count in range(200):
                 if count < ticks:
                     ORDERS[order](walking)
-                tick()
+                done.append(tick())
             if again:
                 seen = done.copy()
                 hands.release("left_hand")
@@ -573,3 +584,47 @@ def test_an_order_does_the_same_told_in_every_tick_and_once_more_after_a_release
     np.testing.assert_allclose(
         [row[1:] for row in told(1, again=True)], [row[1:] for row in once], atol=1e-12
     )
+
+
+STREAMS: dict[str, Callable[[WalkingControl, float], None]] = {
+    "force": lambda w, x: w.hands.press("left_hand", 10.0 + x, DOWN, at=(0.3, 0.25, 0.7), firm=True),
+    "place": lambda w, x: w.hands.press("left_hand", 10.0, DOWN, at=(0.3, 0.25, 0.7 + 0.5 * x), firm=True),
+    "handle": lambda w, x: w.hands.grip("left_hand", (0.4, 0.25, 0.9 + 0.5 * x), AHEAD, 5.0),
+    "limit": lambda w, x: w.hands.grip("left_hand", (0.4, 0.25, 0.9), AHEAD, 5.0 + x),
+    "target": lambda w, x: w.arms["left_hand"].reach((0.3, 0.3, 0.9 + 0.1 * x)),
+    "target in a time": lambda w, x: w.arms["left_hand"].reach((0.3, 0.3, 0.9 + 0.1 * x), duration=0.5),
+    "force of a hand that presses": lambda w, x: w.hands.press("left_hand", 20.0 + x, DOWN, firm=True),
+    "direction": lambda w, x: w.hands.press("left_hand", 10.0, (0.3 + 0.1 * x, 0.0, -1.0), firm=True),
+    "limit of a hand that grips": lambda w, x: w.hands.grip("left_hand", (0.4, 0.25, 0.9), AHEAD, 7.0 + x),
+}
+
+
+@pytest.mark.parametrize("order", STREAMS)
+def test_the_last_order_of_a_stream_decides_and_a_stream_moves_a_hand_on(order: str) -> None:
+    """Orders that change by less and less come in every tick; the hand goes a good part of its way meanwhile."""
+
+    def told(changes: Any, rest: int) -> tuple[Any, Any]:
+        walking, hands = standing(reach_time=0.3, ramp=0.2)
+        hand, tick = hands.all["left_hand"], ticks_of(walking, follows=True)
+        if order in ("force of a hand that presses", "direction"):
+            hold(hands, "left_hand", DOWN, 10.0)
+        if order == "limit of a hand that grips":
+            STREAMS["limit"](walking, 0.0)
+            for _ in range(100):
+                tick()
+            assert hand.state is HandState.GRIP
+        for change in changes:
+            STREAMS[order](walking, float(change))
+            meanwhile = tick()
+            assert hand.state is HandState.GRIP or order != "limit of a hand that grips"
+        for _ in range(rest):
+            after = tick()
+        return meanwhile, after
+
+    begin, end = told([0.0], 250)
+    meanwhile, last = told(np.linspace(0.1, 0.0, 120), 250)
+    assert last[0] is end[0]
+    np.testing.assert_allclose(last[1:], end[1:], atol=LEAST_WAY)
+    parts = {"force of a hand that presses": slice(15, None), "direction": slice(12, 15)}
+    begin, meanwhile, end = (np.array(row[1:])[parts.get(order, slice(3))] for row in (begin, meanwhile, end))
+    assert np.linalg.norm(meanwhile - end) <= 0.7 * np.linalg.norm(begin - end) + 1e-9

@@ -4,7 +4,7 @@
     Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
     QuinticPath    quintics in a row, planned anew from any time on
     Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
-    Ramp           value that goes to a goal along a quintic, from rest to rest
+    Ramp           value that goes to a goal along a quintic from rest to rest, or to a goal that changes on the way
     Follower       value that follows a goal that may move, like a critically damped mass
     approach       next velocity towards a goal that may move, with bounded speed and acceleration
 
@@ -48,6 +48,9 @@ Duration = Annotated[Positive, Field(le=LONGEST), "s"]
 
 LAST_RATE = 8.0
 """Greatest speed over the distance that is left, 1/s: a lag of 0.125 s at the end, where the root alone has a kink."""
+
+APART = 0.05
+"""Least time between the beginnings of two changes of a `Ramp`, over the duration of the second."""
 
 RUN_UP = 0.2
 """Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
@@ -145,39 +148,50 @@ class QuinticPath:
             start, state = time, goal
 
 
-class Ramp:
-    """A value that goes to its goal by `minimum_jerk`.
+class Ramp(Generic[ValueT]):
+    """A value, a number or an array, that goes to its goal by `minimum_jerk`.
+
+    A goal that comes on the way adds its change to those that are still going on. So a goal that changes in every tick
+    is followed, and the value is always a weighted mean of its goals.
 
     Attributes:
         value: Present value.
+        goal: Value in the end.
     """
 
-    def __init__(self, value: float = 0.0) -> None:
+    def __init__(self, value: ValueT) -> None:
         """Rest at a value."""
-        self.value = self._goal = self._start = value
-        self._elapsed, self._duration = 0.0, 0.0
+        self.value: ValueT = value
+        self.goal: ValueT = value
+        self._base: ValueT = value
+        # Elapsed time and duration, s, and the goals before and after each change.
+        self._changes: list[tuple[float, float, ValueT, ValueT]] = []
 
-    @property
-    def goal(self) -> float:
-        """Value in the end."""
-        return self._goal
-
-    def to(self, goal: float, duration: float) -> None:
-        """Go to a goal within a time, s, from rest."""
-        self._start, self._goal, self._elapsed, self._duration = self.value, goal, 0.0, duration
+    def to(self, goal: ValueT, duration: float) -> None:
+        """Let the goal be another one; the change takes a time, s, and begins with the next period."""
+        waits = self._changes and self._changes[-1][0] == 0.0
+        before = self._changes.pop()[2] if waits else self.goal
+        self._changes.append((0.0, duration, before, goal))
+        self.goal = goal
 
     def advance(self, dt: float) -> None:
-        """Advance by a period, s."""
-        self._elapsed += dt
+        """Advance by a period, s; in the first part of a change the next one waits, so that there are never many."""
+        changes, last = self._changes, math.inf
+        for i, (elapsed, duration, before, goal) in enumerate(changes):
+            if elapsed > 0.0 or last >= APART * duration:
+                changes[i] = elapsed + dt, duration, before, goal
+            last = elapsed
+        while changes and changes[0][0] >= changes[0][1]:
+            self._base = changes.pop(0)[3]
         self.value = self.after(0.0)
 
-    def after(self, time: float) -> float:
+    def after(self, time: float) -> ValueT:
         """Return the value that it will have after a time, s."""
-        elapsed = self._elapsed + time
-        if elapsed >= self._duration:
-            return self._goal
-        share, _ = minimum_jerk(elapsed / self._duration)
-        return self._start + share * (self._goal - self._start)
+        value = self._base
+        for elapsed, duration, before, goal in self._changes:
+            share, _ = minimum_jerk(min((elapsed + time) / duration, 1.0))
+            value = value + share * (goal - before)
+        return value
 
 
 class Follower(Generic[ValueT]):

@@ -140,9 +140,11 @@ class Controller(Items):
             UnknownNameError: The robot has no such joint.
             InputError: A joint in a leg or given twice, or the QP shares the joints with a policy.
         """
-        released = self.check_release(joints)
-        if self._released is not None:
-            self.remove(self._released)
+        released, before = self.check_release(joints), self._released
+        if before is not None:
+            if released is not None and released.joints == before.joints:
+                return before  # with what has been told and measured of them
+            self.remove(before)
         return released if released is None else self.add(released)
 
     def check_release(self, joints: Sequence[str]) -> ReleasedJoints | None:

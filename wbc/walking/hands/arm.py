@@ -116,7 +116,7 @@ class Arm:
         self.within = WORLD
         self._way = HandWay(settings.speed, settings.acceleration, self._dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
-        self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
+        self._blend = Ramp(0.0)  # of the weight: its goal is 1 with a target, 0 without
 
     # ---- the arm itself -----------------------------------------------------------------------------------------
 
@@ -364,11 +364,8 @@ class Arm:
             self.task.spared_acceleration = accelerations[self.task.spared]
         turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
-        self._follow(self._way.advance(pace))
-
-    def _follow(self, acceleration: Array) -> None:
-        """Give the task the reference, which moves on in its frame with an acceleration, shape (6,)."""
-        there, velocity, rate = self._way.place.copy(), self._way.velocity, acceleration
+        self._way.advance(pace)
+        there, velocity, rate = self._way.place.copy(), self._way.velocity, self._way.acceleration
         if self.within != WORLD:
             there, velocity, rate = carried(self._frames.now(self.within), there, velocity, rate)
         self._there, turn = there, self.place.rotation  # the rates of the task are along the axes of the hand

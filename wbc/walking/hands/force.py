@@ -37,7 +37,7 @@ class PressForce:
     @property
     def planned(self) -> float:
         """The force that is asked for, limited to what the arm gives, N."""
-        return self.planned_after(0.0)
+        return min(self.ramp.value, self._most)
 
     def planned_after(self, time: float) -> float:
         """Return the planned force after a time, s, N."""

@@ -54,10 +54,13 @@ class TargetFrames:
         """Names of all frames."""
         return (WORLD, PELVIS, FEET, *self._objects)
 
-    def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
-        """State where an object is; see `Arms.place`."""
+    def place(self, name: str, where: pin.SE3 | None, velocity: ArrayLike | None = None) -> None:
+        """State where an object is, or forget it; see `Arms.place`."""
         if name in (WORLD, PELVIS, FEET):
             raise InputError(f"the name of an object must not be '{name}'")
+        if where is None:
+            self._objects.pop(name, None)
+            return
         moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
         self._objects[name] = pose(f"pose of '{name}'", where), moving, REST
 

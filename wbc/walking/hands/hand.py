@@ -19,6 +19,7 @@ the force, and the delay T of sensor and servo.
 from __future__ import annotations
 
 import enum
+import math
 from typing import Annotated
 
 import numpy as np
@@ -29,7 +30,6 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.qp.closure import FixedContact
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
 from wbc.core.qp.options import ContactOptions
 from wbc.core.qp.solving.solution import Solution
@@ -61,7 +61,8 @@ FILTER_TIME, SLOW_TIME = 0.05, 1.0
 slow one shifts the CoM for hands that grip, and is the feed-forward of their arms. The rest shifts the ZMP."""
 
 LEAST_WAY = 0.01
-"""Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
+"""Length of the part of a way along a surface, or towards it, below which the hand goes straight, m; change of a place,
+m, or of a direction, rad, with which the hand goes on as it goes."""
 
 PRESS_WEIGHT, GRIP_WEIGHT = 1.0, 100.0
 """Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
@@ -166,17 +167,17 @@ class Hand:
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
         self._force = WrenchTask(self.contact, weight=PRESS_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=GRIP_WEIGHT)
-        self.direction = np.zeros(3)
+        self.direction = self._came = np.zeros(3)
         self.sensor = WristSensor(name, controller.dt)
-        self._then = HandState.APPROACH  # state after the way to where it presses or grips
+        self._then = HandState.HOLD  # what it is to do once it is there
+        self._at: Array | None = None  # place of the order, m
         self._begin(HandState.FREE)
 
     def _begin(self, state: HandState) -> None:
         """Begin in a state without a force."""
         self.force, self.ordered, self.pressed = PressForce(), 0.0, 0.0
         self.order: tuple[object, ...] = ()
-        # Share of the turn to another direction that is done, that turn, and the direction before.
-        self._turned, self._turn, self._before = Ramp(1.0), ZERO, ZERO
+        self._turn = Ramp(np.zeros(3))  # from the direction in which it came, as a rotation vector, rad
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self.sensor.listen()
@@ -221,38 +222,42 @@ class Hand:
         target = self.arm.target if self.state is HandState.REACH else None
         return np.asarray((self.arm.place if target is None else target).act(self.tip))
 
-    def press(self, direction: Array, force: float, at: Array | None = None) -> None:
-        """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""
-        if self.state is HandState.HOLD:
-            self.ordered, self._before, self._turned = force, self.direction, Ramp()
-            self._turn = least_turn(self.direction, direction)
-            for ramp, goal in ((self.force.ramp, force), (self._turned, 1.0)):
-                ramp.to(goal, self._settings.ramp)
+    def take(self, then: HandState, direction: Array, force: float, at: Array | None) -> None:
+        """Take an order to press, `HandState.HOLD`, or to grip, `GRIP`, with a force or its limit, N.
+
+        A hand that does so already stays where it is; see `Hands.press` and `Hands.grip`. One on its way there goes on,
+        unless place or direction differ from those of its way by more than `LEAST_WAY`. Without a place it approaches
+        the surface from where it is.
+        """
+        if self.state is then:
+            self.ordered = force
+            if then is HandState.HOLD:
+                self.force.ramp.to(force, self._settings.ramp)
+                self._turn.to(least_turn(self._came, direction), self._settings.ramp)
             return
-        self._order(direction, force, self.contact, self._force)
+        comes = self.state in (HandState.REACH, HandState.APPROACH) and then is self._then
+        far = math.inf if at is None or self._at is None else math.dist(at, self._at)
+        if comes and (far < LEAST_WAY or at is self._at) and math.dist(direction, self._came) < LEAST_WAY:
+            self.ordered, self.direction = force, direction
+            return
+        items = (self.grasp, self._wrench) if then is HandState.GRIP else (self.contact, self._force)
+        present = (*self._controller.tasks, *self._controller.contacts)
+        for item in items:  # the controller gets what it does not have yet of a hand
+            if not any(item is other for other in present):
+                self._controller.add(item)
+        if not (comes or at is None):
+            self.sensor.forget()
+        self._begin(HandState.REACH)
+        self.direction, self._came, self.ordered, self._then, self._at = direction, direction, force, then, at
         if at is None:
             self._search(pin.SE3(self.arm.place))
         else:
-            self._go(at - (CLEARANCE + self._settings.length) * direction, HandState.APPROACH)
+            gap = GAP if then is HandState.GRIP else CLEARANCE
+            self._go(at - (gap + self._settings.length) * direction)
 
-    def grip(self, direction: Array, limit: float, at: Array) -> None:
-        """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
-        self._order(direction, limit, self.grasp, self._wrench)
-        self._go(at - (GAP + self._settings.length) * direction, HandState.GRIP)
-
-    def _order(self, direction: Array, force: float, *items: Item) -> None:
-        """Begin with an order: the controller gets what it does not have yet of a hand."""
-        present = (*self._controller.tasks, *self._controller.contacts)
-        for item in items:
-            if not any(item is other for other in present):
-                self._controller.add(item)
-        self._begin(HandState.REACH)
-        self.direction, self.ordered = direction, force
-
-    def _go(self, point: Array, then: HandState) -> None:
+    def _go(self, point: Array) -> None:
         """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
-        self._then, start = then, self.arm.place
-        self.sensor.forget()
+        start = self.arm.place
         way = point - start.translation
         turn = least_turn(self._axis, start.rotation.T @ self.direction)
         towards = float(way @ self.direction) * self.direction
@@ -329,7 +334,7 @@ class Hand:
         self.sensor.learn(self._touch)
         if arm.moving or (target := arm.target) is None:
             return
-        if self._then is HandState.APPROACH:
+        if self._then is HandState.HOLD:
             self._search(target)
         else:
             self._enter(HandState.GRIP)
@@ -337,9 +342,9 @@ class Hand:
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
-        if self._turned.value < 1.0:
-            self._turned.advance(self._dt)
-            self.direction = pin.exp3(self._turned.value * self._turn) @ self._before
+        if (self._turn.value != self._turn.goal).any():
+            self._turn.advance(self._dt)
+            self.direction = pin.exp3(self._turn.value) @ self._came
             self.contact.normal = -self.direction
         force, asked, ends = self.force, self._force.target, self.ordered == 0.0
         given = asked if chosen is None else chosen
@@ -360,6 +365,7 @@ class Hand:
         if self._touched >= 2.0 * self._dt - ROUNDING:
             self.contact.normal = -self.direction
             self._enter(HandState.HOLD)
+            self._came = self.direction
             arm.stop(WORLD)
             self.force = PressForce(min(self._touch, self.ordered))
             self._force.follow(np.array((0.0, 0.0, self.force.ramp.value)))

@@ -22,8 +22,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, lag_gain
+from wbc.base.settings import Number
 from wbc.base.vectors import along
 from wbc.core.frames import heading, unit_vector
 from wbc.core.qp.controller import Controller
@@ -149,7 +151,8 @@ class Hands:
         left, right = (hand.measured.translation for hand in hands)
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
-    def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
+    @checked
+    def point(self, hand: str, ahead: Number, below: Number, outward: Number = 0.09) -> Array:
         """Return a place for the tip of a hand in the world, shape (3,), m, by its way from the shoulder.
 
         Args:
@@ -193,30 +196,14 @@ class Hands:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured (yet).
         """
-        each, force, along = self._read(hand, force, direction)
-        order = (HandState.HOLD, force, *along.tolist(), firm, *np.ravel([] if at is None else at).tolist())
-        if order == each.order:
-            return
-        self._check_ready(each, HandState.GRIP)
-        point = None if at is None else self._reachable(hand, at)
-        if each.state is HandState.HOLD:
-            point = None
-        if point is None:
-            most, joint = each.arm.strength(along, self.settings.share, each.tip)
-            if force > most:
-                raise InputError(
-                    f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
-                )
-        if not firm:
-            self._check_loss(hand, along, force, point)
-        each.press(along, force, point)
-        each.order = order
+        self._order(hand, HandState.HOLD, force, direction, at, firm=firm)
 
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
 
         The same order once more changes nothing while the hand carries it out. The hand is there when its state is
-        `HandState.GRIP`; whoever drives its fingers closes them then.
+        `HandState.GRIP`; whoever drives its fingers closes them then. From then on another order to grip changes the
+        limit alone, until the hand is released.
 
         Args:
             hand: Role of the hand.
@@ -229,41 +216,50 @@ class Hands:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured (yet).
         """
-        each, limit, along = self._read(hand, limit, direction)
-        order = (HandState.GRIP, limit, *along.tolist(), *np.ravel([] if at is None else at).tolist())
+        self._order(hand, HandState.GRIP, limit, direction, () if at is None else at)
+
+    def _order(
+        self,
+        hand: str,
+        then: HandState,
+        force: float,
+        direction: ArrayLike,
+        at: ArrayLike | None,
+        *,
+        firm: bool = False,
+    ) -> None:
+        """Let a hand press, or grip, after a check; see `press` and `grip`."""
+        each, there = self.all[choose("hand", hand, self.all)], None
+        force = finite_scalar(f"force of {hand} (N)", force, low=0.0)
+        along = unit_vector(f"direction of {hand}", direction)
+        if at is not None:
+            there = finite_array(f"point for {hand} (m)", at, (3,))
+        order = (then, force, *along.tolist(), firm, *(() if there is None else there.tolist()))
         if order == each.order:
             return
-        self._check_ready(each, HandState.HOLD)
-        point = self._reachable(hand, at)
-        self._check_loss(hand, along, limit, point)
-        each.grip(along, limit, point)
+        each.arm.check_idle()
+        self._check_sensor(hand)
+        holds = each.state in (HandState.HOLD, HandState.GRIP)
+        if holds and each.state is not then:
+            raise InputError(
+                f"{hand} must let go of what it holds before another order: release('{hand}') and wait until it is free"
+            )
+        if holds:
+            there = None
+        elif there is not None and (far := math.dist(there, each.arm.shoulder)) > each.span:
+            raise InputError(
+                f"point for {hand} must be within {each.span:.2f} m of its shoulder, it is {far:.2f} m away"
+            )
+        if there is None and then is HandState.HOLD:
+            most, joint = each.arm.strength(along, self.settings.share, each.tip)
+            if force > most:
+                raise InputError(
+                    f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
+                )
+        if not firm:
+            self._check_loss(hand, along, force, there)
+        each.take(then, along, force, there)
         each.order = order
-
-    def _read(self, hand: str, force: float, direction: ArrayLike) -> tuple[Hand, float, Array]:
-        """Return hand, force, N, and direction, of length 1, shape (3,), of an order after a check."""
-        each = self.all[choose("hand", hand, self.all)]
-        checked = finite_scalar(f"force of {hand} (N)", force, low=0.0)
-        return each, checked, unit_vector(f"direction of {hand}", direction)
-
-    def _check_ready(self, hand: Hand, other: HandState) -> None:
-        """Check that a hand can take an order; in the other state the order would lose its contact within a tick."""
-        hand.arm.check_idle()
-        self._check_sensor(hand.name)
-        if hand.state is other:
-            raise InputError(
-                f"{hand.name} must let go of what it holds before another order: release('{hand.name}') and wait until "
-                "it is free"
-            )
-
-    def _reachable(self, hand: str, at: ArrayLike) -> Array:
-        """Return a point for a hand, shape (3,), m, after a check."""
-        point, each = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand]
-        far, span = float(np.linalg.norm(point - each.arm.shoulder)), each.span
-        if far > span:
-            raise InputError(
-                f"point for {hand} must be within {span:.2f} m of its shoulder, it is {far:.2f} m away"
-            )
-        return point
 
     def _check_sensor(self, hand: str) -> None:
         """Check that the force on a hand is measured."""

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.errors import choose
+from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
@@ -64,15 +64,22 @@ class Arms:
         """Return the arm of a hand by its role."""
         return self.all[choose("hand", name, self.all)]
 
-    def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
+    def place(self, name: str, where: pin.SE3 | None, velocity: ArrayLike | None = None) -> None:
         """State where an object is; call it again whenever it has moved.
 
         Args:
             name: Name of the object.
-            where: Its pose in the world.
+            where: Its pose in the world; None forgets the object, which is an `InputError` while a hand has its target
+                there.
             velocity: Velocity of its origin and angular velocity in world axes, shape (6,), m/s and rad/s; at rest when
                 None.
         """
+        if where is None:
+            bound = [arm.name for arm in self.all.values() if arm.active and arm.within == name]
+            if bound:
+                raise InputError(
+                    f"'{name}' is forgotten once no hand has its target there: release {bound[0]} first"
+                )
         self._frames.place(name, where, velocity)
 
     def update(

@@ -22,6 +22,9 @@ ARRIVED = 1e-3
 TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
 """Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
 
+LINEAR = np.repeat((1.0, 0.0), 3)
+"""Part of a velocity or acceleration, shape (6,), that is not of a rotation."""
+
 Limits = Mapping[str, ArrayLike | None]
 """Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
 
@@ -52,6 +55,7 @@ class HandWay:
         turn: That of its `Route`.
         place: Reference.
         velocity: Its velocity, [linear; angular], shape (6,), m/s and rad/s.
+        acceleration: Derivative of the velocity, shape (6,), m/s² and rad/s².
         moves: Trajectories to come, where times or speeds were given.
     """
 
@@ -60,7 +64,7 @@ class HandWay:
         self._usual, self._acceleration, self._dt = speed, acceleration, dt
         self.goal: pin.SE3 | None = None
         self.turn, self._fastest = 0.0, speed  # and greatest speed without trajectories, m/s
-        self.place, self.velocity = pin.SE3.Identity(), np.zeros(6)
+        self.place, self.velocity, self.acceleration = pin.SE3.Identity(), np.zeros(6), np.zeros(6)
         self.moves: list[Move] = []
 
     @property
@@ -83,56 +87,55 @@ class HandWay:
         A `fresh` reference begins at rest where the hand is, `here`; another one takes the rotation of a hand that has
         turned as it liked.
         """
-        reference, velocity, turns = self.place, self.velocity, route.turn > 0.0
+        reference, rates, turns = self.place, (self.velocity, self.acceleration), route.turn > 0.0
         if fresh:
-            reference, velocity = here, np.zeros(6)
+            reference, rates = here, (np.zeros(6), np.zeros(6))
         elif turns and self.turn == 0.0:
             reference = pin.SE3(here.rotation, reference.translation)
-            velocity = np.concatenate((velocity[:3], np.zeros(3)))
+            rates = self.velocity * LINEAR, self.acceleration * LINEAR
         goals = [
             pin.SE3(pose.rotation if turns else reference.rotation, pose.translation) for pose in route.poses
         ]
-        starts, rates = (reference, *goals), (velocity, *([None] * len(goals)))
+        starts, begins = (reference, *goals), (rates, *([(None, None)] * len(goals)))
         self.moves = [
-            Move(PoseCoordinates(start, pin.SE3), [goal], (rate, None), **limit)
-            for start, goal, rate, limit in zip(starts, goals, rates, route.limits, strict=False)
+            Move(PoseCoordinates(start, pin.SE3), [goal], begin, **limit)
+            for start, goal, begin, limit in zip(starts, goals, begins, route.limits, strict=False)
         ]
         self.goal, self.turn = goals[-1], route.turn
         self._fastest = self._usual if route.speed is None else route.speed
-        self.place, self.velocity = reference, velocity
+        self.place, (self.velocity, self.acceleration) = reference, rates
 
     def halt(self) -> None:
         """Come to rest at once."""
-        self.velocity = np.zeros(6)
+        self.velocity, self.acceleration = np.zeros(6), np.zeros(6)
 
     def end(self) -> None:
         """Have no target any more."""
         self.goal, self.moves = None, []
 
-    def advance(self, pace: Sequence[float]) -> Array:
-        """Move the reference on by a tick; return its acceleration, shape (6,).
+    def advance(self, pace: Sequence[float]) -> None:
+        """Move the reference on by a tick.
 
         It goes more slowly where the hand stays behind in its place, or in its rotation: each `pace` is 0 to 1.
         """
-        return self._follow_moves(pace) if self.moves else self._approach(pace)
-
-    def _follow_moves(self, pace: Sequence[float]) -> Array:
-        """Move on along the trajectory; a rotation holds it up if it matters as much as the place."""
+        if not self.moves:
+            self._approach(pace)
+            return
+        # A rotation holds the trajectory up if it matters as much as the place.
         slower, move = min(pace) if self.turn == 1.0 else pace[0], self.moves[0]
         move.advance(slower * self._dt)
         self.place, velocity, push = move.now()
-        self.velocity = slower * velocity
+        self.velocity, self.acceleration = slower * velocity, slower * slower * push
         if move.arrived:
             self.moves.pop(0)
-        return np.asarray(slower * slower * push)
 
-    def _approach(self, pace: Sequence[float]) -> Array:
+    def _approach(self, pace: Sequence[float]) -> None:
         """Move towards the target at bounded speeds."""
         dt, before, place = self._dt, self.velocity, self.place
         left = self.left(place)
         linear = approach(left[:3], before[:3], self._fastest * pace[0], self._acceleration, dt)
         angular = approach(left[3:], before[3:], TURN_SPEED * pace[1], TURN_ACCELERATION, dt)
         self.velocity = np.concatenate((linear, angular))
+        self.acceleration = (self.velocity - before) / dt
         place.translation = place.translation + dt * linear
         place.rotation = pin.exp3(dt * angular) @ place.rotation
-        return (self.velocity - before) / dt
