@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -74,6 +75,46 @@ def test_a_plan_is_taken_at_the_start_and_on_the_way_alike_and_one_out_of_reach_
         far = replace(flat, steps=[replace(step, x=step.x + 2.0) for step in flat.steps])
         with pytest.raises(InputError, match="within reach|out of reach"):
             control(name, far)
+
+
+class Stands(FootstepSource):
+    """A planner that asks for a stand."""
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        return now.start
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("order", ["velocity", "stand", "goal", "plan", "planner", "stop"])
+def test_an_order_to_walk_given_in_every_tick_is_that_given_once(order: str, mode: Any) -> None:
+    """The source gets it once, also where the robot is there and the source has left the goal or the plan."""
+    robot, stands, given = wbc.load_robot("g1").robot(), Stands(), list[object]()
+    walking = WalkingControl(robot, None, DT, WalkingControlSettings(mode=mode))
+    plan, source = walk_distance(FootstepPlan.standing(robot), 0.1), walking.source
+    orders: dict[str, Callable[[], None]] = {
+        "velocity": lambda: setattr(walking, "velocity", (0.1, 0.0, 0.0)),
+        "stand": lambda: setattr(walking, "velocity", None),
+        "goal": lambda: walking.go_to(0.05, 0.0, 0.0),
+        "plan": lambda: walking.follow(plan),
+        "planner": lambda: walking.follow(stands),
+        "stop": walking.stop,
+    }
+    take, steering = source.take, walking.source.steering
+    assert steering is not None
+    source.take = lambda planner: (given.append(planner), take(planner))[1]  # type: ignore[method-assign]
+    for _ in range(3):
+        orders[order]()
+    source.planner = steering.goal = None
+    orders[order]()
+    assert len(given) == 1 and source.planner is None is steering.goal
+    walking.velocity = (0.0, 0.1, 0.0)
+    assert len(given) == 2 and walking.velocity == (0.0, 0.1, 0.0)
+    orders[order]()
+    assert len(given) == 3 and walking.velocity == ((0.1, 0.0, 0.0) if order == "velocity" else None)
+    source.reason = "dropped"
+    orders[order]()
+    assert len(given) == 4, "an order that was dropped is tried again"
 
 
 class Door(FootstepSource):

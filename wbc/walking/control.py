@@ -51,8 +51,15 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan, check_start
-from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity, VelocityLimits, checked_velocity
+from wbc.walking.plans.footsteps import FootstepPlan, Place, check_start
+from wbc.walking.plans.sources import (
+    AT_REST,
+    FootstepSource,
+    PlanSource,
+    Velocity,
+    VelocityLimits,
+    checked_velocity,
+)
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl
@@ -92,7 +99,7 @@ class WalkingControl(SteeredControl):
 
     __slots__ = (
         "settings", "_dt", "source", "controller", "drives", "tasks", "arms", "_hands", "body", "balance", "load",
-        "stiffness", "ground", "reference", "stopped",
+        "stiffness", "ground", "reference", "stopped", "_asked",
     )  # fmt: skip
 
     drives: PositionControl | TorqueControl
@@ -167,8 +174,11 @@ class WalkingControl(SteeredControl):
             walk.place_feet_by(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        if isinstance(source, FootstepPlan) and source.steps and self.balance is None:
-            self.follow(source)
+        self._asked: object = None  # last order to walk
+        if isinstance(source, FootstepPlan) and source.steps:
+            if self.balance is None:
+                self.follow(source)
+            self._asked = source
 
     def __repr__(self) -> str:
         robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
@@ -223,7 +233,7 @@ class WalkingControl(SteeredControl):
         self.body.begin()
         drives.resume()
         source.begin(heading(state.robot.placement(state.robot.base_frame).rotation), times.tolist())
-        self.reference, self.stopped = None, False
+        self.reference, self.stopped, self._asked = None, False, None
 
     def reset(self, q: Array | None = None) -> None:
         """Begin from a configuration at rest, shape (nq,), before the first tick; half-sitting when None.
@@ -386,13 +396,15 @@ class WalkingControl(SteeredControl):
         Set it at any tick. None or zero brings the robot to a stand. It is also None while a goal or a plan gives the
         steps. A velocity that the robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the
         velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
+
+        This order and the others to walk (`go_to`, `follow`) may be given in every tick: the same order once more
+        changes nothing, unless it was dropped.
         """
         return None if self.source.steering is None else self.source.steering.target
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        wanted = checked_velocity(velocity)
-        self._order(wanted)
+        self._order(checked_velocity(velocity))
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -419,10 +431,7 @@ class WalkingControl(SteeredControl):
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; at most a full turn.
         """
-        self.body.check_steps()
-        self._steering().go_to(x, y, yaw)
-        self.source.take(None)
-        self.stopped = False
+        self._order(goal=(x, y, yaw))
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan, or from a planner of your own, from the next step on.
@@ -433,7 +442,7 @@ class WalkingControl(SteeredControl):
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
+        self._order(footsteps=source)
 
     def stop(self) -> None:
         """Come to a stand safely; a source that cannot be steered goes on with the references that it gives."""
@@ -441,10 +450,24 @@ class WalkingControl(SteeredControl):
             self._order()
         self.stopped = True
 
-    def _order(self, velocity: Velocity | None = None, planner: FootstepSource | None = None) -> None:
-        """Walk with a velocity, or by a planner; come to a stand without either."""
-        if planner is not None or any(velocity or ()):
+    def _order(
+        self,
+        velocity: Velocity = AT_REST,
+        goal: Place | None = None,
+        footsteps: FootstepPlan | FootstepSource | None = None,
+    ) -> None:
+        """Walk to a goal, by footsteps, or with a velocity."""
+        steering, source = self._steering(), self.source
+        order: object = (velocity, goal) if footsteps is None else footsteps
+        same = order is self._asked or (not isinstance(order, FootstepSource) and order == self._asked)
+        if same and not source.reason:
+            self.stopped = False
+            return
+        if any(velocity) or goal is not None or footsteps is not None:
             self.body.check_steps()
-        self._steering().command(velocity)
-        self.source.take(planner)
-        self.stopped = False
+        if goal is not None:
+            steering.go_to(*goal)
+        else:
+            steering.command(velocity)
+        source.take(PlanSource(footsteps) if isinstance(footsteps, FootstepPlan) else footsteps)
+        self.stopped, self._asked = False, order

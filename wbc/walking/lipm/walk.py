@@ -183,13 +183,8 @@ class LipmWalk(ReferenceSource):
         return AT_REST if self.phases.rests else granted
 
     def take(self, planner: FootstepSource | None) -> None:
-        """Take footsteps from a planner, from the next tick on; None for those of the steering.
-
-        A plan that is followed already goes on.
-        """
+        """Take footsteps from a planner, from the next tick on; None for those of the steering."""
         before = self.planner
-        if isinstance(planner, PlanSource) and planner.goes_on(before) and not self.finished:
-            return
         if planner is None:
             goes_on = isinstance(before, SteeredSteps) and self.steering.goal in (None, before.goal)
             planner = before if goes_on else self._steered_steps()

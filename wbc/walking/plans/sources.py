@@ -152,10 +152,6 @@ class PlanSource(FootstepSource):
         self._begun: int | None = None  # steps before the first one of the plan
         self._refusal: InputError | None = None
 
-    def goes_on(self, before: FootstepSource | None) -> bool:
-        """Return True if the planner before this one follows the same plan already."""
-        return isinstance(before, PlanSource) and before._given == self._given
-
     def begin(self, reach: Reach | None, extent: Extent | None) -> None:
         """Begin anew, and check all steps but the first two, which feet of the start take.
 

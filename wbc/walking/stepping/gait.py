@@ -186,13 +186,8 @@ class SteppingWalk(ReferenceSource):
         return 0.5 * length, 0.5 * width
 
     def take(self, planner: FootstepSource | None) -> None:
-        """Take footsteps from a planner, from the next step on; None for those of the steering.
-
-        A plan that is followed already goes on.
-        """
+        """Take footsteps from a planner, from the next step on; None for those of the steering."""
         if isinstance(planner, PlanSource):
-            if planner.goes_on(self.planner):
-                return
             planner.begin(self.reach, self._extent)
         super().take(planner)
         self._idle, self._next = False, 0.0
