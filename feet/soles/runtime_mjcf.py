@@ -1,16 +1,15 @@
-"""Sensors and stiffness of a foot in a running MuJoCo simulation, and the ground truth of its contacts and shape."""
+"""Sensors and stiffness of a foot in a running MuJoCo simulation."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_scalar
+from wbc.base.numbers import finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.foot import FootParts
@@ -107,69 +106,3 @@ class RangeFinder:
         """Return the reading at the simulation's time, m; NaN when it is lost, out of range, or not due."""
         due = self.sampler.due(data.time)
         return self.sampler.sample(data.time, self.distance(model, data) if due else math.nan)
-
-
-@dataclass(frozen=True)
-class GroundContacts:
-    """Contacts of one foot with the ground at one instant, in the world."""
-
-    points: Array  # shape (n, 3), m
-    forces: Array  # force of the ground on the foot, shape (n, 3), N
-
-    @property
-    def force(self) -> Array:
-        """Sum of the forces, shape (3,), N."""
-        return np.asarray(self.forces.sum(axis=0))
-
-    @property
-    def centre_of_pressure(self) -> Array:
-        """Mean of the contact points weighted by their vertical force, shape (3,), m; NaN without load."""
-        load = self.forces[:, 2]
-        total = float(load.sum())
-        if total <= 0.0:
-            return np.full(3, np.nan)
-        return np.asarray(load @ self.points / total)
-
-
-class SoleProbe:
-    """Ground truth of one foot, for logs and test rigs; no measurement of a controller."""
-
-    def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
-        """Look up geoms, joints and sites; `InputError` if the model does not hold this foot."""
-        geom, joint, site = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
-        self._own = np.zeros(model.ngeom, dtype=bool)
-        self._own[[_id(model, geom, name) for name in foot.contact_geoms]] = True
-        joints = [_id(model, joint, name) for name in foot.sole_joints]
-        self._qpos = model.jnt_qposadr[joints] if joints else np.zeros(0, dtype=int)
-        self._loop = (
-            None if foot.loop_sites is None else tuple(_id(model, site, name) for name in foot.loop_sites)
-        )
-        self._wrench = np.zeros(6)
-
-    def angles(self, data: mujoco.MjData) -> Array:
-        """Return the angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
-        return np.asarray(data.qpos[self._qpos])
-
-    def loop_gap(self, data: mujoco.MjData) -> float:
-        """Return the distance between the two sides of the loop closure, m; 0 without a loop."""
-        if self._loop is None:
-            return 0.0
-        a, b = self._loop
-        return float(np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]))
-
-    def contacts(self, model: mujoco.MjModel, data: mujoco.MjData, min_force: float = 0.0) -> GroundContacts:
-        """Return the contacts of this foot whose normal force exceeds a threshold, N, after a step or `mj_forward`."""
-        points, forces = [], []
-        for i in range(data.ncon):
-            contact = data.contact[i]
-            first, second = contact.geom
-            if not (self._own[first] or self._own[second]):
-                continue
-            mujoco.mj_contactForce(model, data, i, self._wrench)
-            if self._wrench[0] <= min_force:
-                continue
-            # The frame's first row is the normal from the first geom to the second, where the force acts.
-            sign = 1.0 if self._own[second] else -1.0
-            forces.append(sign * (contact.frame.reshape(3, 3).T @ self._wrench[:3]))
-            points.append(contact.pos.copy())
-        return GroundContacts(np.array(points).reshape(-1, 3), np.array(forces).reshape(-1, 3))

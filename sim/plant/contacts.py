@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
 from wbc.core.conventions import Index
-from wbc.sim.plant.places import RobotPlaces, hanging
+from wbc.sim.plant.places import hanging
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """For each axis the next one, and the one after that."""
@@ -20,14 +24,19 @@ class Contacts:
     touches a foot counts, whichever geom of it: the ground, things, the other leg.
     """
 
-    def __init__(self, places: RobotPlaces) -> None:
-
-        model = places.model
-        self._feet = np.array(places.feet, dtype=np.intp)
-        self._offset = np.array([place.translation for place in places.soles])
-        self._turn = np.array([place.rotation for place in places.soles])
-        self._geom_sole = hanging(model, places.feet)[model.geom_bodyid]
-        self.geom_robot = places.of_robot[model.geom_bodyid]
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        of_robot: NDArray[np.bool_],
+        feet: Sequence[int],
+        soles: Sequence[pin.SE3],
+    ) -> None:
+        """Take the bodies of a robot (True for each, shape (nbody,)), its feet, and the sole frame in each foot."""
+        self._feet = np.array(feet, dtype=np.intp)
+        self._offset = np.array([place.translation for place in soles])
+        self._turn = np.array([place.rotation for place in soles])
+        self._geom_sole = hanging(model, feet)[model.geom_bodyid]
+        self.geom_robot = of_robot[model.geom_bodyid]
         self._pyramids = model.opt.cone == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 
     def capture(self, data: mujoco.MjData) -> None:

@@ -67,7 +67,7 @@ class MujocoRobot(Simulation):
         self.data = mujoco.MjData(self.model)
         timestep = float(self.model.opt.timestep)
         steps = steps_per_tick(control_period, timestep)
-        self._contacts = Contacts(places)
+        self._contacts = Contacts(self.model, places.of_robot, places.feet, places.soles)
         super().__init__(
             description,
             robot,

@@ -151,7 +151,7 @@ def _land(rig: Rig) -> tuple[Impact, float, float]:
         if touched < 0 and force > 0.0:
             touched, speed = step, -before
         peak = max(peak, force)
-        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, rig.depth)
+        gap, depth = max(gap, rig.loop_gap), max(depth, rig.depth)
         heat += rig.powers * dt
         if touched >= 0 and (step - touched) * dt <= REBOUND_TIME:
             upward = max(upward, rig.ankle_speed)
@@ -177,9 +177,9 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold:
         rig.step()
         rates += rig.mean_square_rate
         forces.append(rig.vertical_force)
-        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, rig.depth)
-    contacts = rig.contacts(MIN_CONTACT_SHARE)
-    plan = rig.in_plan(contacts.points)
+        gap, depth = max(gap, rig.loop_gap), max(depth, rig.depth)
+    points, bearing = rig.contacts(MIN_CONTACT_SHARE)
+    plan = rig.in_plan(points)
     x, y, z = rig.ankle.tolist()
     return Hold(
         weight=rig.weight,
@@ -191,10 +191,10 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold:
         ankle_place=(x, y),
         ankle_tilt=rig.tilt,
         contacts=len(plan),
-        contact_points=_rows(np.column_stack([plan, contacts.points[:, 2]])),
-        contact_forces=tuple(contacts.forces[:, 2].tolist()),
+        contact_points=_rows(np.column_stack([plan, points[:, 2]])),
+        contact_forces=tuple(bearing[:, 2].tolist()),
         contact_area=hull_and_area(plan)[1],
-        sole_angles=tuple(rig.probe.angles(rig.data).tolist()),
+        sole_angles=tuple(rig.angles.tolist()),
         sole_line=_rows(rig.sole_line()),
         skeleton=_rows(rig.skeleton()),
         loop_gap=gap,

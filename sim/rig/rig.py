@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from pydantic import Field
 
 from wbc.base.errors import InputError, ModelError
@@ -17,8 +18,8 @@ from wbc.base.settings import Angle, NonNegative, Number, Positive, settings, to
 from wbc.feet import Foot, FootFit, foot
 from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
-from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.feet.soles.sole import AnkleSole
+from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.mujoco_robot import BAD_STATE, divergence
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.simulation.simulation import DivergedError
@@ -124,7 +125,7 @@ def fit_facts(fit: FootFit) -> dict[str, Any]:
 
 
 class Rig:
-    """Simulation of a foot test, with names (`foot`) and ground truth (`probe`) of the foot."""
+    """Simulation of a foot test, with the names of the foot's parts (`foot`)."""
 
     def __init__(self, test: FootTest) -> None:
         self.test = test
@@ -167,7 +168,9 @@ class Rig:
             raise ModelError(f"MuJoCo cannot compile the foot: {error}") from error
         self.data = mujoco.MjData(self.model)
         self._surfaces = surfaces(self.model, [self.foot], test.ground)
-        self.probe = SoleProbe(self.model, self.foot)
+        body = self.model.body(self.foot.body)
+        of_carriage = self.model.body_rootid == body.rootid
+        self._contacts = Contacts(self.model, of_carriage, [int(body.id)], [pin.SE3.Identity()])
         self.mass = float(self.model.body_mass.sum())
         self._lift = int(self.model.joint("lift").dofadr[0])
         arch = () if self.foot.arch_joint is None else (self.foot.arch_joint,)
@@ -248,9 +251,28 @@ class Rig:
         """Deepest penetration now, m."""
         return -float(self.data.contact.dist.min()) if self.data.ncon else 0.0
 
-    def contacts(self, share: float = 0.0) -> GroundContacts:
-        """Return the contacts that carry more than a share of the weight, in the world."""
-        return self.probe.contacts(self.model, self.data, share * self.weight)
+    @property
+    def angles(self) -> Array:
+        """Angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
+        return np.asarray(self.data.qpos[self.model.jnt_qposadr[self._joints[0]]])
+
+    @property
+    def loop_gap(self) -> float:
+        """Distance between the two sides of the loop closure, m; 0 without a loop."""
+        if self.foot.loop_sites is None:
+            return 0.0
+        arch, sole = (self.data.site(name).xpos for name in self.foot.loop_sites)
+        return float(np.linalg.norm(arch - sole))
+
+    def contacts(self, share: float = 0.0) -> tuple[Array, Array]:
+        """Return points, m, and forces on the foot, N, of the contacts that carry more than a share of the weight.
+
+        Both are in the world and have the shape (n, 3).
+        """
+        self._contacts.capture(self.data)
+        points, forces, _ = self._contacts.of_robot()
+        carry = np.linalg.norm(forces, axis=1) > share * self.weight
+        return points[carry], forces[carry]
 
     def in_plan(self, points: Array) -> Array:
         """Return world points as seen from above: forward and left of the sole centre under the ankle, (n, 2), m."""
@@ -258,7 +280,8 @@ class Rig:
 
     def centre_of_pressure(self) -> Array:
         """Return the centre of pressure in plan, shape (2,), m; NaN without load."""
-        return np.asarray(self.in_plan(self.contacts().centre_of_pressure[None, :])[0])
+        points, forces = self.contacts()
+        return self._centre(points, forces[:, 2])
 
     def supporting_centre(self, least: float) -> Array:
         """Return the centre of pressure of the contacts that push up enough to count as support, in plan, (2,), m.
@@ -266,12 +289,16 @@ class Rig:
         A contact on the flank of a stone may push sideways and down: with a negative weight it would move the centre
         out of the sole. It is NaN where these contacts together bear less than a share of the weight.
         """
-        contacts = self.contacts()
-        lift = np.where(contacts.forces[:, 2] >= MIN_CONTACT_SHARE * self.weight, contacts.forces[:, 2], 0.0)
+        points, forces = self.contacts()
+        lift = np.where(forces[:, 2] >= MIN_CONTACT_SHARE * self.weight, forces[:, 2], 0.0)
+        return self._centre(points, lift, least * self.weight)
+
+    def _centre(self, points: Array, lift: Array, least: float = 0.0) -> Array:
+        """Return the mean of points by their vertical forces, N, in plan, (2,), m; NaN if these are less in sum."""
         total = float(lift.sum())
-        if total < least * self.weight:
+        if total <= 0.0 or total < least:
             return np.full(2, np.nan)
-        return np.asarray(self.in_plan(lift @ contacts.points[:, :2][None] / total)[0])
+        return np.asarray(self.in_plan(lift @ points[:, :2][None] / total)[0])
 
     def sole_line(self) -> Array:
         """Return the contact spheres' lowest points in plan and world z, row by row from the toe, (n, 3), m."""

@@ -119,21 +119,22 @@ class TrialSpec:
 
     @cached_property
     def chosen(self) -> Mode:
-        """Control mode: the given one, or what follows from the other fields."""
-        return chosen_mode(load(self.robot).with_servos(self.servo), self.mode or self._usual_mode())
+        """Control mode: the given one, or what follows from the other fields. Too soft servos are an `InputError`."""
+        servos, mode = load(self.robot).with_servos(self.servo).servos, self.mode or self._usual_mode()
+        if mode is None:
+            return "position" if servos.soft_ankle is None else "hybrid"
+        if mode == "position":
+            servos.check_position_control()
+        return mode
 
     @property
     def period(self) -> float:
         """Control period, s."""
-        return self._usual_period() if self.control_period is None else self.control_period
+        return CONTROL_PERIOD[self.chosen] if self.control_period is None else self.control_period
 
     def _usual_mode(self) -> Mode | None:
         """Return the control mode when none is given; None for that of the robot's servos."""
         return None
-
-    def _usual_period(self) -> float:
-        """Return the control period when none is given, s."""
-        return CONTROL_PERIOD[self.chosen]
 
     @checked
     def build(
@@ -242,15 +243,3 @@ def _is_plain(value: object) -> bool:
 def _short(value: object) -> str:
     """Return a value as text, floats with four digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:
-    """Return a control mode that a robot's servos allow; None stands for position control, or hybrid on soft servos.
-
-    Position control on servos that are too soft for it is an `InputError`.
-    """
-    if mode is None:
-        return "position" if description.servos.soft_ankle is None else "hybrid"
-    if mode == "position":
-        description.servos.check_position_control()
-    return mode

@@ -144,15 +144,14 @@ def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
         rig.mean_square_rate == pytest.approx(np.mean(data.qvel[joints] ** 2)) and rig.mean_square_rate > 0.0
     )
     assert rig.tilt == (data.joint("roll").qpos[0], data.joint("pitch").qpos[0])
-    contacts, share = rig.contacts(), 0.05
-    np.testing.assert_allclose(rig.vertical_force, contacts.force[2], rtol=1e-6)
-    heavy = [force for force in contacts.forces if force[2] > 0.0]
-    assert 0 < len(rig.contacts(share).forces) <= len(heavy)
-    centre = rig.in_plan((contacts.forces[:, 2] @ contacts.points / contacts.force[2])[None])[0]
+    (points, forces), share = rig.contacts(), 0.05
+    np.testing.assert_allclose(rig.vertical_force, forces[:, 2].sum(), rtol=1e-6)
+    assert 0 < len(rig.contacts(share)[1]) <= (forces[:, 2] > 0.0).sum()
+    centre = rig.in_plan((forces[:, 2] @ points / forces[:, 2].sum())[None])[0]
     np.testing.assert_allclose(rig.centre_of_pressure(), centre, atol=1e-9)
-    lift = np.where(contacts.forces[:, 2] >= MIN_CONTACT_SHARE * rig.weight, contacts.forces[:, 2], 0.0)
+    lift = np.where(forces[:, 2] >= MIN_CONTACT_SHARE * rig.weight, forces[:, 2], 0.0)
     bears = lift.sum() / rig.weight
-    expected = rig.in_plan((lift @ contacts.points / lift.sum())[None])[0]
+    expected = rig.in_plan((lift @ points / lift.sum())[None])[0]
     np.testing.assert_allclose(rig.supporting_centre(0.99 * bears), expected, atol=1e-9)
     assert np.isnan(rig.supporting_centre(1.01 * bears)).all()
     twin = rig.fork()
@@ -277,7 +276,7 @@ def test_figures_of_a_press_are_those_of_its_steps() -> None:
         rig.step()
         speeds.append(rig.ankle_speed)
         force.append(rig.vertical_force)
-        gaps.append(rig.probe.loop_gap(rig.data))
+        gaps.append(rig.loop_gap)
         depths.append(rig.depth)
         if len(force) <= 30:
             heat += rig.powers * 0.001
@@ -345,3 +344,22 @@ def test_a_support_lies_within_the_sole_also_on_the_flanks_of_stones(seed: int) 
 
 
 # --- pitch -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ground", ["plane", "field", "boxes"])
+def test_the_ground_presses_upwards_whatever_it_is_made_of(ground: str) -> None:
+    """MuJoCo orders the geoms of a contact by their kinds: a plane or a field comes before a sphere, a box after."""
+    made = {"plane": terrain("flat"), "field": terrain("random", 0.001), "boxes": terrain("boards", 0.01)}[
+        ground
+    ]
+    rig = Rig(FootTest(foot=foot("rigid"), ground=made, drop=0.0))
+    for _ in range(rig.steps(0.6)):
+        rig.step()
+    points, forces = rig.contacts()
+    own = {rig.model.geom(name).id for name in rig.foot.contact_geoms}
+    assert (ground == "boxes") in {int(contact.geom[0]) in own for contact in rig.data.contact}
+    assert len(points) == len(forces) > 0 and (forces[:, 2] > 0.0).all()
+    assert forces[:, 2].sum() == pytest.approx(rig.weight, rel=0.01)
+    heavy = np.linalg.norm(forces, axis=1) / rig.weight
+    assert len(rig.contacts(float(np.median(heavy)))[1]) == (heavy > np.median(heavy)).sum() > 0
+    assert rig.contacts(50.0)[0].shape == (0, 3)
