@@ -88,7 +88,9 @@ class WalkTasks:
         robot, self.table = controller.robot, table
         self.contacts, self.com, self.posture = table.contacts, table.com, table.posture
         self._urgency, self._swing_scale = 0.0, np.ones(6)
-        self._loaded: tuple[object, ...] = ()  # state by which feet that balance the robot were loaded last
+        # State of the feet that balance the robot, and their greatest forces, N, as they were written last.
+        self._stand: tuple[object, ...] = ()
+        self._most_force: tuple[float, ...] = ()
         swing = table.swing
         self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
         trunk = [
@@ -124,7 +126,7 @@ class WalkTasks:
             contact.active = True
         for swing in self._swings:
             swing.scale = 0.0
-        self._loaded = ()
+        self._stand = self._most_force = ()
         self._trunk_target = (None, UPRIGHT)
 
     def spare(self, joints: Sequence[int]) -> None:
@@ -157,30 +159,33 @@ class WalkTasks:
 
     def _load(self, reference: Reference, feet: SteppingFeet) -> None:
         """Write what feet that balance the robot cost and bear, where it changes."""
-        progress, before = reference.progress, self._loaded
+        progress, before, most = reference.progress, self._stand, reference.most_force
         phase, stance, air = progress.phase, progress.stance, progress.air
         if reference.urgency != self._urgency:
             self._urgency, self._swing_scale = reference.urgency, feet.swing(reference.urgency)
             for swing in self._swings:
                 if not swing.idle:
                     swing.scale = self._swing_scale
-        now = phase, progress.contact, reference.most_force, stance, air
-        if now != before:
-            self._loaded = now
+        now = phase, progress.contact, stance, air
+        changed = now != before
+        if changed:
+            self._stand = now
             if not before or before[0] is not phase:
                 gains = feet.gains(phase)
                 self._hold_com(gains)
                 for contact in self.contacts:
                     contact.set_box(*gains.box)
+        if changed or most != self._most_force:
+            self._most_force = most
             for side, on in enumerate(progress.contact):
-                self._switch(side, contact=on, swings=not on or side == air)
+                if changed:
+                    self._switch(side, contact=on, swings=not on or side == air)
                 if on:
                     contact, load = self.contacts[side], feet.load(side, reference)
-                    contact.centre_box(feet.centre(side, reference))
-                    contact.motion_weight = load.cost
-                    contact.min_force = 0.0  # its greatest force now may be less than its least one before
-                    contact.max_force = load.most
-                    contact.min_force = load.least
+                    if changed:
+                        contact.centre_box(feet.centre(side, reference))
+                        contact.motion_weight = load.cost
+                    contact.bear(load.least, load.most)
         if phase is GaitPhase.SINGLE:
             self.contacts[stance].centre_box(feet.centre(stance, reference))
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, turned_all
 from wbc.core.estimation.sinking import Sinking
-from wbc.core.frames import Sole
+from wbc.core.frames import Sole, heading
 
 STILL = (0.0, 0.0, 0.0)
 """No motion."""
@@ -59,7 +59,7 @@ class FootEstimate:
         self.cop = 0.0, 0.0
         self.load = self.rolled = 0.0
         self.anchor: Vector = tuple(place.translation.tolist())
-        self.yaw = yaw_of(place.rotation[:, 0].tolist())
+        self.yaw = heading(place.rotation)
 
     def update(
         self,
@@ -95,7 +95,7 @@ class FootEstimate:
         (vx, vy, vz), (spin_x, spin_y, spin_z) = add_cross(moving, spin, reach), spin
         sinks = sinking.steady * taken / dt if dt > 0.0 else 0.0
         rotation = p + spin_x, q + spin_y, r + spin_z
-        return SoleMotion((vx, vy, vz + sinks), rotation, arm, point, axis, yaw_of(ahead))
+        return SoleMotion((vx, vy, vz + sinks), rotation, arm, point, axis, math.atan2(ahead[1], ahead[0]))
 
     def _bear(self, wrench: Vector, gains: tuple[float, float]) -> tuple[float, float, float]:
         """Take in a wrench on the sole; return by how much its CoP moves over the sole, m, and its load grows, N."""
@@ -115,14 +115,4 @@ class FootEstimate:
     def draw(self, place: Vector, yaw: float, share: float) -> None:
         """Draw the anchor and the heading at rest a share of the way to a place in the world, m, and a heading, rad."""
         self.anchor = part_way(self.anchor, place, share)
-        self.yaw += share * wrapped(yaw - self.yaw)
-
-
-def yaw_of(axis: Vector) -> float:
-    """Return the heading of a direction, such as the x axis of a frame, rad."""
-    return math.atan2(axis[1], axis[0])
-
-
-def wrapped(angle: float) -> float:
-    """Return an angle within half a turn, rad."""
-    return math.remainder(angle, math.tau)
+        self.yaw += share * math.remainder(yaw - self.yaw, math.tau)

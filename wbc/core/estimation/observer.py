@@ -30,13 +30,13 @@ from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import STILL, FootEstimate, SoleMotion, wrapped, yaw_of
+from wbc.core.estimation.foot import STILL, FootEstimate, SoleMotion
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.rest import FeetAtRest, RestDetector
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import WrenchSettings
-from wbc.core.frames import net_wrench
+from wbc.core.frames import heading, net_wrench
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS, Measurement
 
@@ -353,7 +353,7 @@ class Observer:
                 if abs(motion.rotation[2]) > self._settings.spin:
                     foot.yaw = motion.heading
                 else:
-                    yaw_error += share * wrapped(foot.yaw - motion.heading)
+                    yaw_error += share * math.remainder(foot.yaw - motion.heading, math.tau)
             x, y, z = self._imu_motion
             legs = vx + x, vy + y, vz + z
         slides = True in rest.slides if legs is None else rest.sliding
@@ -367,7 +367,7 @@ class Observer:
         feet, shares = self._feet, self.rest.shares
         # In the world: from the base to the CoPs, and first axes of the soles.
         parts = turned_all(base, [part for motion in self._motions for part in (motion.point, motion.axis)])
-        reach, yaws = parts[::2], [yaw_of(axis) for axis in parts[1::2]]
+        reach, yaws = parts[::2], [math.atan2(y, x) for x, y, _ in parts[1::2]]
         self.sinking.update(
             [foot.load for foot in feet],
             [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
@@ -389,7 +389,7 @@ class Observer:
         # without a share follow the base.
         common = 0.0
         for share, foot, yaw in zip(shares, feet, yaws, strict=True):
-            common += share * wrapped(foot.yaw - yaw)
+            common += share * math.remainder(foot.yaw - yaw, math.tau)
         slip = lag_gain(dt, self._settings.slip_time_constant)
         for share, foot, (u, v, w), yaw in zip(shares, feet, reach, yaws, strict=True):
             foot.draw((x + u, y + v, z + w), yaw + common, 1.0 if share == 0.0 else slip)
@@ -400,4 +400,4 @@ class Observer:
         for share, foot, motion, sole in zip(self.rest.shares, self._feet, self._motions, soles, strict=True):
             if sole is not None and share != 0.0:
                 (x, y, z), (u, v, w) = sole.translation.tolist(), turned(base, motion.arm)
-                foot.draw((x + u, y + v, z + w), yaw_of(sole.rotation[:, 0].tolist()), gain)
+                foot.draw((x + u, y + v, z + w), heading(sole.rotation), gain)

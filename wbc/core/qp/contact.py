@@ -327,6 +327,10 @@ class Contact(Motion):
         self._given_least, self._min_force, self._max_force = least, low, high
         self.revision += 1
 
+    def bear(self, least: float, most: float) -> None:
+        """Set `min_force` and `max_force` together, N; their types and signs are not checked, for code in the tick."""
+        self._set_forces(least, most)
+
     def _usual_greatest(self) -> float | None:
         """Return the greatest normal force where none is given, N; None before the robot is known."""
         return None if self._robot is None else USUAL_WEIGHTS * self._robot.mass * GRAVITY

@@ -259,7 +259,7 @@ class Controller(Items):
             if name not in columns:
                 unknown_name("contact", name, columns)
             place = columns[name]
-            if np.shape(wrench) != (place.stop - place.start,):
+            if np.asarray(wrench).shape != (place.stop - place.start,):
                 raise InputError(
                     f"wrench of contact '{name}' must have shape ({place.stop - place.start},), got {np.shape(wrench)}"
                 )
