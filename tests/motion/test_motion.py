@@ -169,17 +169,14 @@ def test_an_array_of_another_shape_is_named_with_the_shape_that_it_must_have(
         )
 
 
-@pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "opaque", "of C", "unused"])
+@pytest.mark.parametrize("kind", ["bytes", "padded", "unused"])
 def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: Path, kind: str) -> None:
-    """Bytes of HDF5 or C, padded texts, rows of single letters of MATLAB; what is not read may be a pickle."""
+    """Bytes of HDF5, padded texts; what is not read may be a pickle."""
     width = max(map(len, arms.joint_names))
     padded = [name.ljust(width) for name in arms.joint_names]
     names = {
         "bytes": np.array([name.encode() for name in arms.joint_names]),
         "padded": np.array([name.encode() for name in padded]),
-        "letters": np.array([list(name) for name in padded]),
-        "opaque": np.array([name.encode() for name in arms.joint_names]).view(f"V{width}"),
-        "of C": np.array([list(name.encode()) for name in padded], dtype=np.uint8),
         "unused": np.array(arms.joint_names),
     }[kind]
     more = {"info": np.array({"by": "somebody"})} if kind == "unused" else {}

@@ -81,11 +81,11 @@ class Driver(ABC):
         return ()
 
 
-def check_driver(driver: Driver) -> None:
-    """Raise an `InputError` for a driver without a description of its robot."""
+def check_described(what: str, driver: Driver | Loop) -> None:
+    """Raise an `InputError` for a driver, or a loop, without a description of its robot."""
     about = getattr(driver, "description", None)
     if not isinstance(about, RobotDescription):
-        raise InputError(f"description of a driver must be a RobotDescription, got {shown(about)}")
+        raise InputError(f"description of a {what} must be a RobotDescription, got {shown(about)}")
 
 
 class DriverLoop:
@@ -106,7 +106,7 @@ class DriverLoop:
             driver: Wire to the machine.
             control_period: Period of the machine's measurements, s.
         """
-        check_driver(driver)
+        check_described("driver", driver)
         self.description = driver.description
         self.control_period = control_period
         self._driver = driver

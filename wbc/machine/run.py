@@ -23,7 +23,7 @@ from wbc.core.signals import Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import DAMP_PERIOD, DAMP_TIME, Guard
 from wbc.machine.inlet import Inlet
-from wbc.machine.loop import Driver, MachineError, check_driver
+from wbc.machine.loop import Driver, MachineError, check_described
 from wbc.machine.phases import Over, Phases, RunSettings
 from wbc.machine.report import Phase, RunReport, TickTimes
 
@@ -54,7 +54,7 @@ class Runner:
 
         Arguments and errors are those of `run`; `clock` replaces the clock in tests.
         """
-        check_driver(driver)
+        check_described("driver", driver)
         self._robot = robot = driver.description.robot()
         robot.needs_feet("a run")
         drives = control.drives
@@ -228,16 +228,12 @@ class Runner:
                 self._reason = "; ".join(filter(None, (str(end), phases.slow)))
                 phases.enter(Phase.DAMPED, clock.now())
                 return
-            if made and self._is_due(until, now - begin):
+            # The function `until` is asked in every tick but those of a stop.
+            if made and (until() if callable(until) else until is not None and now - begin >= until):
                 self.stop()
             if self._guard is not None:
                 self._guard.beat()
             deadline = times.add(deadline, woken, clock.now())
-
-    @staticmethod
-    def _is_due(until: float | Callable[[], bool] | None, elapsed: float) -> bool:
-        """Return True if a run is to end after a time, s."""
-        return until is not None and (elapsed >= until if isinstance(until, float) else until())
 
     def _tick(self, phases: Phases, now: float, *, fresh: bool) -> bool:
         """Send the command of this tick; True if it is a new one, and not of the stop. `Over` if the run is."""

@@ -423,11 +423,11 @@ class UdpRobot:
         for data, peer in itertools.chain.from_iterable(map(_taken, wires)):
             head, now = end.header(data), time.monotonic()
             owned = now - self._heard < SILENCE
-            if head is None or head.kind not in (HELLO, COMMAND, DAMP):
-                self._refuse(peer)
-                continue
-            if (owned and head.key != self._owner) or (
-                head.kind == COMMAND and head.to != end.given.get(head.key)
+            if (
+                head is None
+                or head.kind not in (HELLO, COMMAND, DAMP)
+                or (owned and head.key != self._owner)
+                or (head.kind == COMMAND and head.to != end.given.get(head.key))
             ):
                 self._refuse(peer)
                 continue

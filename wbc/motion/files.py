@@ -330,16 +330,9 @@ def _placed(data: Arrays) -> tuple[AnyArray, AnyArray]:
 
 
 def _texts(names: AnyArray) -> tuple[str, ...]:
-    """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
-    if not names.size:  # NumPy makes an array of numbers of no names
-        return ()
-    if names.dtype.kind == "V" or (names.dtype == np.uint8 and names.ndim == 2):  # bytes, and letters of C
-        width = names.dtype.itemsize * (names.shape[1] if names.dtype == np.uint8 else 1)
-        names = np.ascontiguousarray(names).view(f"S{width}")
-    if names.dtype.kind not in "SU":
+    """Return names of an array of texts, or of bytes; of no names NumPy makes an array of numbers."""
+    if names.size and names.dtype.kind not in "SU":
         raise InputError(f"names must be texts, got an array of type {names.dtype}")
-    if names.ndim == 2 and names.size and names.dtype.itemsize == np.dtype(f"{names.dtype.kind}1").itemsize:
-        names = np.ascontiguousarray(names).view(f"{names.dtype.kind}{names.shape[1]}")
     if names.dtype.kind == "S":
         names = np.char.decode(names, "utf-8")
     return tuple(str(name).strip() for name in np.ravel(names))

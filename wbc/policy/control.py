@@ -237,6 +237,7 @@ class PolicyControl(SteeredControl):
         self.contacts.reset()
         if self._arms is not None:
             self._arms.reset()
+        self._joints.begin()
         self._period.begin()
         self._steering.begin()
         self.observed.phase = self._steering.clock.phase

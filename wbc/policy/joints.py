@@ -38,14 +38,19 @@ class PolicyJoints:
         gains = (0.0, 0.0) if servos is None else (servos.kp, servos.kd)
         self.kp, self.kd = (np.zeros(robot.na) + each for each in gains)
         self.kp[columns], self.kd[columns] = description.kp, description.kd
-        self.target = np.array(robot.half_sitting[robot.base_nq :])
+        self._rest = robot.half_sitting[robot.base_nq :]
+        self.target = np.array(self._rest)
 
     @property
     def posture(self) -> Array:
         """Default posture of all joints, shape (na,), rad: half-sitting of those that the policy does not move."""
-        posture: Array = np.array(self._robot.half_sitting[self._robot.base_nq :])
+        posture: Array = np.array(self._rest)
         posture[self.columns] = self.default
         return posture
+
+    def begin(self) -> None:
+        """Begin anew: the targets are half-sitting until the first action."""
+        self.target[:] = self._rest
 
     def give_up(self, index: NDArray[np.intp]) -> None:
         """Leave joints to the QP, by their columns: their servos have no gains."""

@@ -23,8 +23,7 @@ from wbc.base.settings import Share
 from wbc.machine.conformance.body import imu, soles, wrenches
 from wbc.machine.conformance.joints import commanded_gains, joints, rest, torques
 from wbc.machine.conformance.session import Check, Session
-from wbc.machine.loop import Loop
-from wbc.robots import RobotDescription
+from wbc.machine.loop import Loop, check_described
 
 __all__ = ["Check", "ConformanceReport", "conformance"]
 
@@ -85,8 +84,7 @@ def conformance(
     if isinstance(loop, type):
         raise InputError(f"a loop must be an object, got the class {shown(loop)}: make one of it")
     check_parts("a loop", loop, "description", "control_period", "measure", "step")
-    if not isinstance(loop.description, RobotDescription):
-        raise InputError(f"description of a loop must be a RobotDescription, got {shown(loop.description)}")
+    check_described("loop", loop)
     finite_scalar("control period of the loop (s)", loop.control_period, above=0.0, high=LONGEST_PERIOD)
     session = Session(loop, delay)
     for group, names in CHECKS:

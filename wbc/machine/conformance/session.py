@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -147,20 +147,11 @@ class Session:
     def settle(self) -> None:
         """Hold half-sitting, and see whether the robot stands."""
         self.rest = self.hold(0.15)
-        rest = {name: settled(rows) for name, rows in self.rest.items()}
-        sensed = {name: value if np.isfinite(value).all() else None for name, value in rest.items()}
-        measured = Measurement(
-            time=float(rest["time"]),
-            joint_position=rest["joint_position"],
-            joint_velocity=rest["joint_velocity"],
-            angular_velocity=rest["angular_velocity"],
-            specific_force=rest["specific_force"],
-            sole_wrench=sensed["sole_wrench"],
-            joint_torque=sensed["joint_torque"],
-            hand_wrenches=sensed["hand_wrenches"],
-        )
+        rest: dict[str, Any] = {name: settled(rows) for name, rows in self.rest.items()}
+        for name in ("sole_wrench", "joint_torque", "hand_wrenches"):
+            rest[name] = rest[name] if np.isfinite(rest[name]).all() else None
         loads = SoleLoads(self._loop.description, self.period, self.gains)
-        wrench = loads.wrenches(measured)  # of the joints where no force sensor has measured one
+        wrench = loads.wrenches(Measurement(**rest))  # of the joints where no force sensor has measured one
         self.standing = float(np.abs(wrench[:, 2]).sum()) > STANDS * self.weight
 
     def hold(
