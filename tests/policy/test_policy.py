@@ -139,6 +139,21 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     assert not network.seen[-1][9:].any()
 
 
+def test_a_policy_that_begins_anew_is_as_one_that_has_not_begun() -> None:
+    """Until its first action, too, which a first measurement that cannot be used puts off by a period."""
+    network = Known(sum((3, 3, 3, N, N, N)), N, 0.5)
+    plant, policy = control(network, described())
+    nothing = replace(plant.measure(), joint_position=np.full(len(G1.joint_names), np.nan))
+    told = []
+    for _ in range(2):
+        commands = [policy.command(measurement) for measurement in (nothing, *(plant.measure(),) * 3)]
+        told.append([command.joint_position for command in commands[1:]])
+        for _ in ticks(0.05):
+            policy.command(plant.measure())
+        policy.reset()
+    np.testing.assert_array_equal(*told)
+
+
 def test_the_clock_of_a_gait_runs_while_the_robot_walks_and_its_feet_are_half_a_period_apart() -> None:
     clock = GaitClock(0.8, 0.02)
     assert (clock.phase == math.pi).all()
