@@ -138,9 +138,10 @@ def test_corners_follow_the_edge_of_a_floor_whose_origin_is_far_away() -> None:
         assert found.size == fresh.size > 3 and found == pytest.approx(fresh, abs=3e-4)
 
 
-def check(outcomes: list[Outcome]) -> None:
+def check(seeds: Sequence[int], control: str) -> None:
     """In no period shapes come closer by more than 3/2 θ² ℓ, by less than 1 mm in all, and they come to rest."""
-    assert len(outcomes) > 10 and not any(outcome.unsolved for outcome in outcomes)
+    outcomes = [outcome for seed in seeds if (outcome := run(seed, control)) is not None]
+    assert len(outcomes) > 0.6 * len(seeds) and not any(outcome.unsolved for outcome in outcomes)
     assert max(outcome.steepest for outcome in outcomes) < 1.5
     worst = max(outcomes, key=lambda outcome: outcome.deepest)
     assert worst.deepest < 1e-3, worst
@@ -150,16 +151,16 @@ def check(outcomes: list[Outcome]) -> None:
 @pytest.mark.parametrize(
     ("control", "layouts"),
     [
-        ("kinematics", range(16)),
-        ("torque", range(16, 32)),
-        pytest.param("kinematics", range(16, 320), marks=pytest.mark.slow),
-        pytest.param("torque", (*range(16), *range(32, 230)), marks=pytest.mark.slow),
+        ("kinematics", range(6)),
+        ("torque", range(16, 22)),
+        pytest.param("kinematics", range(6, 320), marks=pytest.mark.slow),
+        pytest.param("torque", (*range(16), *range(22, 230)), marks=pytest.mark.slow),
     ],
 )
 def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
     control: str, layouts: Sequence[int]
 ) -> None:
-    check([outcome for seed in layouts if (outcome := run(seed, control)) is not None])
+    check(layouts, control)
 
 
 @pytest.mark.parametrize("seed", [5222, 2891])
@@ -180,4 +181,4 @@ def test_flat_sides_come_to_rest_beside_a_ball(seed: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("control", CONTROLS)
 def test_shapes_of_any_kind_keep_the_margin_in_ten_thousand_layouts(control: str) -> None:
-    check([outcome for seed in range(1000, 11000) if (outcome := run(seed, control)) is not None])
+    check(range(1000, 11000), control)
