@@ -227,7 +227,7 @@ def test_a_view_is_a_hook_that_opens_with_its_trial_and_ends_with_it() -> None:
 
 
 def test_a_view_that_stays_shows_the_next_trial_and_each_of_them_once() -> None:
-    view, trials = Shown(), [trial_of(wbc.Plant(name)) for name in (HRP4, "g1")]
+    view, trials = Shown(), [trial_of(wbc.Plant(name, visuals=False)) for name in (HRP4, "g1")]
     view.stays = True
     for trial in trials:
         view.show_trial(trial)

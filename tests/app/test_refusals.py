@@ -195,7 +195,11 @@ def test_reading_runs_no_code_that_data_name(line: str, code: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["study show kind.json --code own.py", "study run kind.json --journal new.jsonl"]
+    "line",
+    [
+        "study show kind.json --code own.py",
+        pytest.param("study run kind.json --journal new.jsonl", marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.usefixtures("code")
 def test_code_that_is_named_or_run_as_a_study_is_run(line: str) -> None:

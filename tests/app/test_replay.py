@@ -252,12 +252,15 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
         for x, y in ((0.5, 0.0), (0.0, 0.5))
     )
     ball = Mark("ball", "ball", np.array([(0.0, -0.5, 0.5)]), colour, 0.1)
+    anew: dict[int, np.ndarray] = {}
     with renderer(replay.model, *SIZE) as drawn:
         for clouds in ([cloud], [cloud], [other], [], [cloud, other], [cloud, other], [cloud]):
             picture.marks = [ball, *clouds]
-            kept = drawn.draw(replay, picture, camera).astype(int)
-            with renderer(replay.model, *SIZE) as new:
-                np.testing.assert_allclose(new.draw(replay, picture, camera).astype(int), kept, atol=2)
+            kept, which = drawn.draw(replay, picture, camera).astype(int), sum(map(id, clouds))
+            if which not in anew:
+                with renderer(replay.model, *SIZE) as new:
+                    anew[which] = new.draw(replay, picture, camera).astype(int)
+            np.testing.assert_allclose(anew[which], kept, atol=2)
 
 
 @drawing

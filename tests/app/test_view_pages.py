@@ -95,6 +95,7 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
 def test_a_run_goes_on_while_a_page_takes_nothing() -> None:
     plant = wbc.Plant(HRP4)
     with MeshcatView(plant, port=0, rate=1e6) as view, socket.socket() as page:
+        page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         page.connect(("127.0.0.1", int(view.url.split(":")[2].split("/")[0])))
         upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
         key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="

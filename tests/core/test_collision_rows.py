@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 import pytest
-from collision_layouts import CONTROLS, Outcome, panda, run
+from collision_layouts import CONTROLS, panda, run
 
 import wbc
 from wbc.base.numbers import Array

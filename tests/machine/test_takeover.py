@@ -378,7 +378,7 @@ def test_legs_of_a_robot_that_hangs_bring_its_soles_level_below_the_centre_of_ma
     lean: tuple[float, float],
 ) -> None:
     """At 0.3 rad/s at most, never nearer than 0.1 rad to the end of a range; they stay once the soles carry 5 %."""
-    robot, dt = G1.robot(), 0.02
+    robot, held, dt = G1.robot(), G1.robot(), 0.02
     legs = [robot.joint_index(name) for leg in G1.legs for name in leg]
     loads = SoleLoads(G1, dt, (G1.kp, G1.kd))
     landing, before = Landing(robot, loads), np.array(robot.half_sitting[7:])
@@ -396,7 +396,7 @@ def test_legs_of_a_robot_that_hangs_bring_its_soles_level_below_the_centre_of_ma
         np.maximum(robot.position_upper - 0.1, middle),
     )
     for tick in range(400):
-        measured = leaning(G1.robot(), tick * dt, *lean)
+        measured = leaning(held, tick * dt, *lean)
         loads.wrenches(measured)
         joints = landing.reference(replace(measured, joint_position=before))
         assert np.abs(joints - before).max() <= 0.3 * dt + 1e-12

@@ -15,7 +15,6 @@ from wbc.motion import MotionClip, check_motion, make_feasible
 from wbc.motion.feasible import FeasibleSettings, supports_on
 from wbc.motion.kinematics import BodyMotion
 
-
 BRIEF = FeasibleSettings(hold=0.15)
 """Rests as short as the claims need: each of their frames takes as long as one of the motion."""
 

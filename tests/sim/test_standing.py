@@ -19,8 +19,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_motions import make_motion
 from properties import by_default, examples
+from still_clips import still
 
 from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
@@ -226,7 +226,7 @@ def test_a_camera_on_a_base_that_lies_on_the_ground_is_above_it_at_the_height_of
 
 def test_stands_clips_and_searches_for_pushes_are_trials_of_studies(tmp_path: Path) -> None:
     robot = load("g1").robot()
-    write_motion(make_motion(robot, "squat"), clip := tmp_path / "wave.npz")
+    write_motion(still(robot, 21), clip := tmp_path / "wave.npz")
     for data in (
         {"kind": "stand", "robot": "g1", "seconds": 0.1},
         {"kind": "stand_push_limit", "seconds": 1.0, "push": {"direction": 1.0}, "highest": 0.4},

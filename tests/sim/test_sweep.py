@@ -123,12 +123,6 @@ def test_studies_take_the_numbers_of_numpy_as_specs_do() -> None:
     assert [t.plain for t in Study.from_json(written).trials()] == [t.plain for t in study.trials()]
 
 
-def test_processes_import_no_program_that_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["__main__"], "__file__", "<stdin>", raising=False)
-    with Journal(tmp_path / "j.jsonl") as journal:
-        assert sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=1).counts == {"done": 2}
-
-
 @pytest.mark.slow
 def test_a_program_from_the_standard_input_runs_a_sweep(tmp_path: Path) -> None:
     """Its processes cannot import it, and need not."""
@@ -514,7 +508,11 @@ def study_of(kind: str) -> Study:
     )
 
 
-def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it(tmp_path: Path) -> None:
+def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor the program, where that is no file."""
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "<stdin>", raising=False)
     file, path = tmp_path / "own.py", tmp_path / "journal.jsonl"
     file.write_text(OF_A_FILE)
     study = Study.from_json(study_of(f"{file}:SQUARE").to_json())

@@ -166,7 +166,7 @@ def test_parameters_of_a_walk_take_the_numbers_of_numpy() -> None:
 
 
 def test_a_push_after_the_end_is_refused_or_told() -> None:
-    spec = WalkSpec(plan=TWO_STEPS, noise="none")
+    spec = WalkSpec(plan=TWO_STEPS, noise="none", gait=QUICK)
     limit = spec.prepare().time_limit
     with pytest.raises(InputError, match="after the walk"):
         replace(spec, pushes=(WalkPush(impulse=0.1, time=limit),))

@@ -138,7 +138,7 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
     """Also those far beyond the robot, from a stand and in the middle of a walk with another velocity."""
     robot, rng = ROBOTS[name], np.random.default_rng(3)
     reach = Reach.of(robot)
-    for _ in range(60):
+    for _ in range(20):
         source = steered_steps(reach, DriveSettings(acceleration=(99, 99, 99)))
         now = standing(name)
         for begun in range(3):

@@ -338,14 +338,14 @@ def test_a_goal_where_the_robot_stands_takes_no_step(goal: tuple[float, float, f
 VELOCITIES = [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.3, -0.2, 0.0), (0.3, 0.0, 0.4)]
 
 
-@pytest.mark.parametrize("velocity", by_default(VELOCITIES, *VELOCITIES[:3]))
+@pytest.mark.parametrize("velocity", by_default(VELOCITIES, VELOCITIES[0], VELOCITIES[2]))
 def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[float, float, float]) -> None:
     """Near its edge, from which it sets off no more; away from there it does."""
     extent = (-0.8, 0.8, -0.7, 0.7)
     body = PointMass(extent=extent)
     body.run(0.6)
     gait, away = body.gait, (-velocity[0], -velocity[1], 0.0)
-    for _ in range(3):
+    for _ in range(2):
         gait.steering.command(velocity)
         body.run(6.0)
         corners = [
@@ -421,7 +421,7 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
 PUSHES = ((0.3, 0.0), (0.5, 0.0), (-0.2, 0.0), (-0.3, 0.0), (0.0, 0.5))
 
 
-@pytest.mark.parametrize("push", by_default(PUSHES, (0.5, 0.0), (-0.3, 0.0), (0.0, 0.5)))
+@pytest.mark.parametrize("push", by_default(PUSHES, (0.5, 0.0), (0.0, 0.5)))
 def test_a_robot_that_is_pushed_in_the_last_step_of_a_plan_stands_and_then_steps_back_to_its_end(
     push: tuple[float, float],
 ) -> None:
@@ -440,7 +440,7 @@ def test_a_robot_that_is_pushed_in_the_last_step_of_a_plan_stands_and_then_steps
         body.run(DT)
     body.run(0.3)
     body.speed += push
-    body.run(12.0)
+    body.run(8.0)
     assert gait.finished and gait.planner is None and gait.reason == ""
     for frame, foot in zip(body.ticks[-1].frames, plan.final, strict=True):
         assert math.dist(frame.translation[:2], foot.position[:2]) < BESIDE * reach.max_length
@@ -500,7 +500,8 @@ def test_an_order_that_is_given_in_every_tick_is_that_given_once_and_a_second_ru
         body.run(1.5)
         order(body, plan)
         told = len(body.ticks)
-        body.run(3.0, (lambda _: order(body, plan)) if again and kind != "plan" else None)
+        often = again and kind != "plan"
+        body.run(3.0 if kind == "plan" else 2.0, (lambda _: order(body, plan)) if often else None)
         found = [tick.reference for tick in body.ticks[told:]]
         assert body.gait.steps_done >= 2
         return [each.pendulum.com.tobytes() + repr((each.progress, each.cop)).encode() for each in found]
