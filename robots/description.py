@@ -6,7 +6,7 @@ import hashlib
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Unpack
@@ -20,7 +20,7 @@ from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.files import home_path
 from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_scalar
-from wbc.base.settings import NonNegative, Number, Positive
+from wbc.base.settings import NonNegative, Number, Positive, from_json, to_json
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere, Shape
@@ -165,11 +165,7 @@ class RobotDescription:
         self.robot()  # raises for frames that do not exist
 
     def __reduce__(self) -> tuple[Any, ...]:
-        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
-        for name, value in values.items():
-            if isinstance(value, Mapping):  # a MappingProxyType, which cannot be pickled
-                values[name] = dict(value)
-        return partial(type(self), **values), ()
+        return from_json, (type(self), to_json(self))
 
     @classmethod
     @checked

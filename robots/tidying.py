@@ -43,10 +43,7 @@ def tidy(
     """
     notes = _drop_world(robot, fixed)
     _check_tree(robot)
-    notes += _rename_world(robot)
-    notes += [
-        f"link '{link}': scale '{scale}' of a mesh is that of all three axes" for link, scale in robot.scales
-    ]
+    notes += _rename_world(robot) + robot.notes
     for name, joint in robot.joints.items():
         if joint.kind not in (*MOVING, "fixed"):
             way = WAYS_OUT.get(joint.kind, "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,7 @@ from wbc.base.numbers import Array
 from wbc.core.frames import yaw_rotation
 from wbc.core.model import Coupling
 from wbc.robots.mechanism import TURNED, Colour, Geometry, Mechanism, add_joint, free_name
+from wbc.robots.notes import listed
 
 Element = ElementTree.Element
 
@@ -38,6 +40,9 @@ HEAVIEST = 1e6
 
 SHORTEST_AXIS = 1e-9
 """Length of an axis below which it is zero."""
+
+READ = ("link", "joint", "material", "ros2_control")
+"""Elements of a <robot> that are read."""
 
 XACRO = "{http://www.ros.org/wiki/xacro}"
 """Beginning of the tags of macros that no parser of URDF knows."""
@@ -108,14 +113,16 @@ class Urdf:
         links: Link → its inertia, None for a link without one.
         joints: Joint → what the file says of it.
         shapes: Shapes of all links without those of an unknown kind.
-        scales: Link → scale of one of its meshes that is one number, as it is written.
+        notes: What is not read, or otherwise than it is written, one line each.
+        doubtful: Joints that are not read, in one line; empty without any.
     """
 
     name: str
     links: dict[str, Inertial | None]
     joints: dict[str, Joint]
     shapes: list[Geometry]
-    scales: list[tuple[str, str]]
+    notes: list[str]
+    doubtful: tuple[str, ...]
 
     @property
     def moving(self) -> dict[str, Joint]:
@@ -215,18 +222,34 @@ def read(source: str | Path) -> Urdf:
         for end in (each.parent, each.child):
             if end not in links:
                 raise ModelError(f"joint '{each.name}' refers to link '{end}', which does not exist")
+    notes: list[str] = []
     return Urdf(
         name=str(root.get("name")) if (root.get("name") or "").strip() else "robot",
         links={name: _inertial(link) for name, link in links.items()},
         joints=joints,
-        shapes=shapes(root),
-        scales=[
-            (name, scale)
-            for name, link in links.items()
-            for mesh in link.iter("mesh")
-            if len((scale := mesh.get("scale", "")).split()) == 1
-        ],
+        shapes=shapes(root, notes),
+        notes=notes + _unread(root),
+        doubtful=_unread_joints(root),
     )
+
+
+def _unread(root: Element) -> list[str]:
+    """Return a note on the elements of a <robot> that are not read; none without any."""
+    left = Counter(str(each.tag).rpartition("}")[2] for each in root if each.tag not in READ)
+    return ["not read: " + ", ".join(f"{count} <{tag}>" for tag, count in left.items())] if left else []
+
+
+def _unread_joints(root: Element) -> tuple[str, ...]:
+    """Return a doubt about joints in elements that are not read, such as those that close a chain in Gazebo."""
+    others = [each for each in root if each.tag not in (*READ, "transmission")]
+    names = [
+        str(part.get("name"))
+        for other in others
+        for part in other.iter()
+        if len(part) and part.tag in ("joint", "loop_joint")
+    ]
+    said = f"joints that are not read: {listed(names)}; if they close a chain, give closures"
+    return (said,) if names else ()
 
 
 def _by_name(root: Element, kind: str, where: str) -> dict[str, Element]:
@@ -350,8 +373,11 @@ def _inertial(element: Element) -> Inertial | None:
     return Inertial(kilograms, matrix, _place(inertial, f"link '{link}': {{}} of the inertial origin"))
 
 
-def shapes(root: Element) -> list[Geometry]:
-    """Return the shapes of all links of a `<robot>` in the order of the file, without those of an unknown kind."""
+def shapes(root: Element, notes: list[str]) -> list[Geometry]:
+    """Return the shapes of all links of a `<robot>` in the order of the file, without those of an unknown kind.
+
+    `notes` gets a line for each of these, and for each mesh whose scale is one number.
+    """
     named: dict[str, Colour] = {}  # materials that are defined once and used by name
     for material in root.iter("material"):
         if (colour := _colour(material)) is not None and material.get("name"):
@@ -359,12 +385,12 @@ def shapes(root: Element) -> list[Geometry]:
     found = []
     for link in root.findall("link"):
         for element in link:
-            if element.tag in ("visual", "collision") and (made := _shape(link, element, named)):
+            if element.tag in ("visual", "collision") and (made := _shape(link, element, named, notes)):
                 found.append(made)
     return found
 
 
-def _shape(link: Element, element: Element, named: Mapping[str, Colour]) -> Geometry | None:
+def _shape(link: Element, element: Element, named: Mapping[str, Colour], notes: list[str]) -> Geometry | None:
     """Return the shape of a <visual> or <collision>; None for one of another kind."""
     what = f"link '{link.get('name')}': {{}} of a {element.tag}"
     geometry, place, colour = element.find("geometry"), _place(element, what), None
@@ -383,8 +409,13 @@ def _shape(link: Element, element: Element, named: Mapping[str, Colour]) -> Geom
         size = _floats(what.format("scale of a mesh"), scale := shape.get("scale", "1 1 1"), (1, 3))
         if not size.all():
             raise ModelError(f"{what.format('scale of a mesh')} must not be zero, got {shown(scale)}")
+        if len(size) == 1:
+            notes.append(f"link '{link.get('name')}': scale '{scale}' of a mesh is that of all three axes")
         size = np.broadcast_to(size, (3,))
     else:
+        notes.append(
+            f"{what.format(f'<{shape.tag}>')} is left out: no box, sphere, cylinder, capsule or mesh"
+        )
         return None
     if (material := element.find("material")) is not None:
         colour = _colour(material) or named.get(str(material.get("name")))
@@ -407,6 +438,10 @@ def _place(element: Element, what: str) -> pin.SE3:
     """Return the <origin> of an element; `what` says of what in an error, with {} for the attribute."""
     origin = element.find("origin")
     given = {} if origin is None else origin.attrib
+    if odd := given.keys() - {"xyz", "rpy"}:
+        raise ModelError(
+            f"{what.format('place')} must be written as xyz and rpy, got {', '.join(sorted(odd))}"
+        )
     rpy, xyz = (_floats(what.format(key), given.get(key, "0 0 0")) for key in ("rpy", "xyz"))
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 

@@ -84,19 +84,16 @@ class FootGeometry(NamedTuple):
     package_dirs: tuple[str, ...]
 
 
-def from_geometry(
-    geometry: FootGeometry, given: tuple[str | FrameDescription, str | FrameDescription]
-) -> SoleFinder:
-    """Return the finder of given soles, left and right; see `complete_sole`."""
-
-    def find(model: pin.Model, _: float, notes: list[str]) -> Soles:
-        one, other = (
-            complete_sole(geometry, model, name, each, notes)
-            for name, each in zip(frames.SOLE_NAMES, given, strict=True)
-        )
-        return one, other
-
-    return find
+def find_soles(
+    geometry: FootGeometry,
+    given: tuple[str | FrameDescription, str | FrameDescription],
+    model: pin.Model,
+    _: float,
+    notes: list[str],
+) -> Soles:
+    """Return given soles, left and right; see `complete_sole`."""
+    pairs = zip(frames.SOLE_NAMES, given, strict=True)
+    return tuple(complete_sole(geometry, model, name, each, notes) for name, each in pairs)
 
 
 def complete_sole(

@@ -50,7 +50,10 @@ def unmodelled(
     ]
     if held and not switched_off(model, OFF.mjDSBL_GRAVITY):
         found.append(f"gravity compensation (gravcomp) of {len(held)} bodies: {listed(held)}")
-    found += _free_joint(model, bodies)
+    found += _free_joint(model, bodies) + _medium(model) + _curves(model, joints)
+    found += [
+        f"plugin of body '{model.body(body).name or body}'" for body in bodies if model.body_plugin[body] >= 0
+    ]
     found += (
         _actuators(model, joints) + _tendons(model, bodies, joints) + _equalities(model, bodies, joints, ties)
     )
@@ -112,6 +115,34 @@ def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
             if each.joint == joint and each.on
         ]
     return found
+
+
+def _medium(model: mujoco.MjModel) -> list[str]:
+    """Return a note on the drag of the medium around the robot."""
+    density, viscosity = float(model.opt.density), float(model.opt.viscosity)
+    if density == viscosity == 0.0:
+        return []
+    return [f"drag of a medium: density {density:g} kg/m³, viscosity {viscosity:g} Pa s"]
+
+
+def _curves(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:
+    """Return notes on springs and damping of joints and actuators that are polynomials: a description has lines."""
+    bent, rubs = set[int](), set[int]()
+    for each in actuators(model):
+        if model.actuator_dampingpoly[each.number].any():
+            rubs.add(each.joint)
+    for joint in joints:
+        if model.jnt_stiffnesspoly[joint].any():
+            bent.add(joint)
+        if model.dof_dampingpoly[model.jnt_dofadr[joint]].any():
+            rubs.add(joint)
+    kinds = (("springs", bent, OFF.mjDSBL_SPRING), ("damping", rubs, OFF.mjDSBL_DAMPER))
+    return [
+        f"{what} by a polynomial of {listed(names)}"
+        for what, some, flag in kinds
+        if (names := [name for joint, name in joints.items() if joint in some])
+        and not switched_off(model, flag)
+    ]
 
 
 def _actuators(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:

@@ -11,7 +11,7 @@ from wbc.base.files import home_path
 from wbc.core.frames import FrameDescription
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation.complete import FileRobot
-from wbc.robots.derivation.soles import FootGeometry, from_geometry
+from wbc.robots.derivation.soles import FootGeometry, find_soles
 from wbc.robots.mesh_files import mesh_folders
 
 
@@ -36,11 +36,12 @@ def read(
     locked, changes = tidying.tidy(robot, fixed, lock, repair)
     finder = None
     if left is not None and right is not None and not fixed:
-        finder = from_geometry(FootGeometry(robot.shapes, sole_size, folders), (left, right))
+        finder = partial(find_soles, FootGeometry(robot.shapes, sole_size, folders), (left, right))
     return FileRobot(
         mechanism=partial(robot.mechanism, fixed),
         source=str(source) if is_file else "URDF string",
         notes=(*notes, *changes),
+        doubtful=robot.doubtful,
         find_soles=finder,
         named=left is not None,
         package_dirs=folders,

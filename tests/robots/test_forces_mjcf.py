@@ -46,6 +46,7 @@ TIED = {
     "damper": (TENDONS.format("", 'damping="1"'), "'right'"),
     "gravity along y": ('<option gravity="0 -9.81 0"/>', "gravity"),
     "tilted gravity": ('<option gravity="0.5 0 -9.79"/>', "gravity"),
+    "water": ('<option density="1000"/>', "density 1000 kg/m³"),
     "moon": ('<option gravity="0 0 -1.62"/>', "gravity"),
     **{
         f"no {flag}": (f'<option><flag {flag}="disable"/></option>', f"{flag} is disabled")
@@ -84,6 +85,8 @@ def test_forces_that_the_controller_does_not_know_are_named_at_the_start(what: s
 KNEE = '<motor joint="left_knee" gear="2" ctrlrange="-40 40"'
 CHANGED = {
     "damped base": ('<freejoint name="floating"/>', '<joint name="floating" type="free"/>', "floating"),
+    "curved damper": (KNEE, f'{KNEE} damping="0 2"', "damping by a polynomial of left_knee"),
+    "curved spring": ('name="waist"', 'name="waist" stiffness="0 5"', "springs by a polynomial of waist"),
     "delay": (KNEE, f'{KNEE} delay="0.01" nsample="8"', "delay of 1 actuators, up to 10 ms"),
     "lag": (' kp="200" kv="10"', ' kp="200" kv="10" timeconst="0.02"', "lag of 1 actuators, up to 20 ms"),
     "group": (KNEE, f'<general joint="left_knee" group="4"/>{KNEE}', "(group 4)"),

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mjcf_biped import biped as mjcf_biped
+from urdf_biped import biped
 
 from wbc.base.errors import ModelError
 from wbc.core.model import Coupling
@@ -243,6 +244,36 @@ def test_a_joint_of_another_type_is_refused_with_the_types_and_the_way_out_if_th
             read(arm(joint("j", "a", "b", "", kind)))
         said = f"joint 'j' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed{way}"
         assert str(error.value) == said
+
+
+UNREAD = {
+    "gazebo": ("<gazebo/><gazebo/>", "", "not read: 2 <gazebo>"),
+    "chain": ('<gazebo><joint name="rod"><parent>a</parent></joint></gazebo>', "rod", "not read: 1 <gazebo>"),
+    "loop": ('<loop_joint name="rod"><link1 link="a"/></loop_joint>', "rod", "not read: 1 <loop_joint>"),
+    "drive": (
+        '<transmission><joint name="rod"><x/></joint></transmission>',
+        "",
+        "not read: 1 <transmission>",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", UNREAD)
+def test_what_is_not_read_is_named_and_joints_in_it_are_doubtful(what: str) -> None:
+    more, joint, said = UNREAD[what]
+    robot = RobotDescription.from_urdf(biped().replace("</robot>", f"{more}</robot>"))
+    assert said in robot.derived
+    doubts = [line for line in robot.doubts() if "joints that are not read" in line]
+    assert len(doubts) == bool(joint) and all(joint in line for line in doubts)
+
+
+def test_a_shape_of_another_kind_is_named_and_a_place_in_another_form_is_refused() -> None:
+    cone = '<visual><geometry><cone radius="1"/></geometry></visual></link>'
+    robot = RobotDescription.from_urdf(biped().replace("</link>", cone, 1))
+    assert any("<cone> of a visual is left out" in line for line in robot.derived)
+    for odd in ('quat_xyzw="0 0 0 1"', 'rpy_deg="0 0 90"'):
+        with pytest.raises(ModelError, match=f"must be written as xyz and rpy, got {odd.partition('=')[0]}"):
+            RobotDescription.from_urdf(biped().replace("<origin ", f"<origin {odd} ", 1))
 
 
 def test_trees_that_are_none_are_refused_by_link() -> None:

@@ -417,7 +417,9 @@ def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_stick
     assert color is not None
     named.remove(color)
     named.set("name", "dark")
-    changed = replace(description, mechanism=replace(description.mechanism, shapes=tuple(urdf.shapes(root))))
+    changed = replace(
+        description, mechanism=replace(description.mechanism, shapes=tuple(urdf.shapes(root, [])))
+    )
     model = drawing_model(changed, changed.robot(), terrain("flat"))
     drawn: dict[str, list[int]] = {}
     for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():

@@ -94,7 +94,6 @@ class Plausibility:
 
     Attributes:
         settings: Its `PlausibilitySettings`.
-        refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
         stamps: Check of the time stamps; `pace` is its sentence.
         pull: Sentence that a force sensor reads a pull of the ground, which a wrong sign does; empty while none has.
@@ -159,7 +158,6 @@ class Plausibility:
         self.reasons: tuple[Refusal, ...] = ()
         self._refused_at: dict[str, float] = {}  # sensor → time of its last refusal, s
         self.pull, self._pulled = "", 0.0
-        self.refused = 0
         self._values: Array | None = None
         self.stamps.reset()
         self._identical, self._changed_at, self._sudden = 0, math.nan, False
@@ -211,7 +209,6 @@ class Plausibility:
         if faults or self._optional_faults:
             self._say(m.time, faults)
             self._optional_faults = tuple(each.sensor for each in faults)
-            self.refused += bool(faults) and not self._faults
         return m, renewed
 
     def _last_for(self, times: Array) -> None:
@@ -345,7 +342,6 @@ class Plausibility:
         if not names:
             self._values = values
             return m
-        self.refused += 1
         needed, longest = 2 * na + 2, self.settings.hold + ROUNDING  # a robot balances without force sensors
         others = np.zeros(na, dtype=bool) if others is None else others
         lasting = float(self._lasting[:needed][~np.concatenate((others, others, [False, False]))].max())
