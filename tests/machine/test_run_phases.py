@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -209,8 +210,8 @@ def test_a_robot_whose_controller_does_not_begin_is_balanced_on() -> None:
     assert report.reason == "stopped"
 
 
-def test_a_control_begins_anew_whenever_its_run_does() -> None:
-    """Otherwise it would go on from where it was lifted, with the estimate of then."""
+def test_a_control_begins_anew_whenever_its_run_does(caplog: pytest.LogCaptureFixture) -> None:
+    """Otherwise it would go on from where it was lifted, with the estimate of then; so it does in a second run."""
     begins: list[float] = []
 
     class Noted(wbc.PositionControl):
@@ -223,6 +224,11 @@ def test_a_control_begins_anew_whenever_its_run_does() -> None:
     report = runner_of(machine, control).run(3.2)
     runs = [time for phase, time in report.phases if phase is Phase.RUN]
     assert len(runs) == 2 and begins[-2:] == pytest.approx(runs) and control.failures == 0
+    first, machine = machine, StillMachine(lambda time: 1.0)
+    caplog.clear()
+    runner_of(machine, control).run(1.3)
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+    np.testing.assert_allclose(machine.sent[125].joint_torque, first.sent[125].joint_torque, atol=1e-9)
 
 
 def test_a_control_of_another_robot_and_a_robot_without_feet_are_refused_before_a_machine_moves() -> None:

@@ -158,6 +158,8 @@ def test_what_does_not_fit_into_a_packet_is_an_error() -> None:
         End(DESCRIPTION, "127.0.0.1", None).pack(
             MEASUREMENT, 7, random_measurement(np.random.default_rng(0), hand_wrenches=np.zeros((3, 6)))
         )
+    with pytest.raises(InputError, match="a Command, got 3"):
+        UdpDriver(DESCRIPTION).write(3)  # type: ignore[arg-type]
 
 
 def test_a_driver_gets_the_newest_measurement_and_is_obeyed_after_it(wire: Wire) -> None:

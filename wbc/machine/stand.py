@@ -117,6 +117,7 @@ def warm_up(control: Control, robot: Robot, period: float, *, forces: bool) -> N
     """
     if not control.restarts:
         return
+    control.reset()  # it may have run before
     resting = Measurement.resting(robot)
     for i in range(20):
         wrench = resting.sole_wrench if forces else None

@@ -62,7 +62,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.core.signals import LARGEST_COMMAND, Command, Measurement, WrenchSource
 from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
@@ -172,6 +172,8 @@ class End:
         # The clock is the same in all processes of this computer: the guard's packets come after the loop's.
         self._number = max(self._number + 1, time.monotonic_ns())
         arrays, flags, stamp = ARRAYS.get(kind, {}), 0, 0.0
+        if arrays and not isinstance(content, wanted := Command if kind == COMMAND else Measurement):
+            raise InputError(f"a packet must carry a {wanted.__name__}, got {shown(content)}")
         values = {name: getattr(content, name) for name in arrays}
         if kind == MEASUREMENT and isinstance(content, Measurement):
             flags, stamp = ORIGIN * ORIGINS.index(content.wrench_source), content.time
