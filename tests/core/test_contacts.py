@@ -153,12 +153,12 @@ def test_a_contact_that_is_loaded_again_goes_on_from_what_is_allowed() -> None:
     contact.active = False
     for _ in range(10):
         controller.solve()
-    before = contact.normal_force_range[1]
+    before = contact.force_ranges()[1]
     contact.active = True
-    assert contact.normal_force_range[1] == pytest.approx(before)
+    assert contact.force_ranges()[1] == pytest.approx(before)
     for _ in range(round(contact.ramp / controller.dt)):
         controller.solve()
-    assert contact.normal_force_range[1] == contact.max_force
+    assert contact.force_ranges()[1] == contact.max_force
 
 
 def test_the_greatest_force_is_a_multiple_of_the_weight_of_the_robot_that_has_the_contact_now() -> None:
@@ -175,9 +175,9 @@ def test_the_greatest_force_is_a_multiple_of_the_weight_of_the_robot_that_has_th
         try:
             controller.update(robot.q, robot.v)
             controller.solve()
-            assert contact.normal_force_range[1] == pytest.approx(4.0 * (weights[-1] + 20.0 * GRAVITY))
+            assert contact.force_ranges()[1] == pytest.approx(4.0 * (weights[-1] + 20.0 * GRAVITY))
             bound = controller.problem.inequality_groups["wrench cone of contact 'left_foot'"].stop - 1
-            assert controller.problem.upper[bound] == pytest.approx(contact.normal_force_range[1])
+            assert controller.problem.upper[bound] == pytest.approx(contact.force_ranges()[1])
         finally:
             robot.carry(left_hand(robot), 0.0)
         controller.remove(contact)
@@ -225,7 +225,7 @@ def test_force_range_ramps_up_and_down_without_a_jump() -> None:
         highs, lows = [], []
         for _ in range(80):
             contact.advance(dt)
-            low, high = contact.normal_force_range
+            low, high = contact.force_ranges()
             assert 0.0 <= low <= high
             lows.append(low)
             highs.append(high)

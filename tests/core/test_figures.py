@@ -331,18 +331,18 @@ def test_a_contact_without_bounds_of_its_own_has_those_of_its_robot() -> None:
         controller.remove(controller.contacts[0])
         controller.add(contact)
         least, most = 10.0 * robot.force_scale, 4.0 * robot.mass * GRAVITY
-        assert contact.normal_force_range == pytest.approx(
-            (least, most)
-        ) and contact.max_force == pytest.approx(most)
+        assert contact.force_ranges() == pytest.approx((least, most)) and contact.max_force == pytest.approx(
+            most
+        )
         contact.active = False
         contact.reset()
         contact.active = True
         for tick in range(1, 50):
             contact.advance(DT)
             share = min(tick * DT / 0.2, 1.0)
-            assert contact.normal_force_range == pytest.approx((min(least, 0.5 * share * most), share * most))
+            assert contact.force_ranges() == pytest.approx((min(least, 0.5 * share * most), share * most))
         contact.max_force = 50.0
         contact.max_force = contact.max_force
-        assert contact.normal_force_range == pytest.approx((least, 50.0))
+        assert contact.force_ranges() == pytest.approx((least, 50.0))
         with pytest.raises(InputError, match="must exceed"):
             contact.min_force = 50.0

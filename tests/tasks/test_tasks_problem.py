@@ -196,11 +196,11 @@ def test_a_diagnosis_changes_no_contact() -> None:
     controller, left, _ = two_soles()
     left.active = False
     controller.add(PositionTask(left_hand(controller.robot)))
-    before = left.normal_force_range
+    before = left.force_ranges()
     for _ in range(3):
         assert controller.diagnose() == {}
         controller.status_table()
-    assert left.normal_force_range == before
+    assert left.force_ranges() == before
 
 
 def settled(controller: Controller, seconds: float = 4.0) -> None:

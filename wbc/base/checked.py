@@ -13,6 +13,7 @@ from __future__ import annotations
 import collections.abc
 import functools
 import inspect
+import operator
 import types
 import typing
 from collections.abc import Callable
@@ -141,15 +142,15 @@ class Result(Fixed):
     """Attribute that shows another one, of which arrays cannot be written: its name, and what to do instead."""
 
     def __init__(self, source: str, instead: str) -> None:
-        """Take the name of the attribute with the value, and what to do in place of an assignment."""
+        """Take the attribute with the value, such as "gate.faults", and what to do in place of an assignment."""
         super().__init__(instead)
-        self._source = source
+        self._value = operator.attrgetter(source)
 
     def __get__(self, of: Any, owner: type) -> Any:
         """Return the value."""
         if of is None:
             return self
-        value = getattr(of, self._source)
+        value = self._value(of)
         return read_only(value) if isinstance(value, np.ndarray) else value
 
     def __set__(self, of: Any, value: Any) -> None:

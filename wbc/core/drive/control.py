@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive
@@ -44,6 +44,9 @@ ANOTHER = "make another control"
 
 RESTART = "`reset` begins from another configuration"
 """Advice in place of an assignment to the references of a control."""
+
+RUN = "it follows from the run, and `reset` begins another one"
+"""Advice in place of an assignment to what a control says of its run."""
 
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
@@ -167,10 +170,26 @@ class DriveControl(Control):
         observer: Observer that estimates the state from measurements.
         sensing: Checks of measurements, observer, monitor, falls and clock.
         gate: Limits of commands.
+        measurement: Last measurement that was used, with what was refused replaced by predictions; None before one.
+        time: Time since the control was made, s; one control period in each tick.
+        failures: Number of failed ticks so far.
+        reason: Reason of the last failure; of failures in successive ticks, that of the first.
+        failing: True if the last tick has failed.
+        stopped: True after failures have gone on for too long; `reset` starts again.
+        solution: Result of the QP in the last tick; None before the first one.
+        damped: True once a fall has ended in damping; `reset` starts again.
     """
 
     controller: Controller = fixed(ANOTHER)
     observer: Observer = fixed(ANOTHER)
+    measurement: Measurement | None = result("sensing.measurement", RUN)
+    time: float = result("sensing.time", RUN)
+    failures: int = result("_record.count", RUN)
+    reason: str = result("_record.reason", RUN)
+    failing: bool = result("_record.failing", RUN)
+    stopped: bool = result("_record.stopped", RUN)
+    solution: Solution | None = result("controller.solution", RUN)
+    damped: bool = result("sensing.damped", RUN)
     restarts = True
     _follows_estimate = True
     _moves_references = False  # the solution is integrated to references of the joints
@@ -241,49 +260,9 @@ class DriveControl(Control):
     # ---- what is known ------------------------------------------------------------------------------------------
 
     @property
-    def measurement(self) -> Measurement | None:
-        """Last measurement that was used, with what was refused replaced by predictions; None before one."""
-        return self.sensing.measurement
-
-    @property
-    def time(self) -> float:
-        """Time since the control was made, s; one control period in each tick."""
-        return self.sensing.time
-
-    @property
-    def failures(self) -> int:
-        """Number of failed ticks so far."""
-        return self._record.count
-
-    @property
-    def reason(self) -> str:
-        """Reason of the last failure; of failures in successive ticks, that of the first."""
-        return self._record.reason
-
-    @property
-    def failing(self) -> bool:
-        """True if the last tick has failed."""
-        return self._record.failing
-
-    @property
-    def stopped(self) -> bool:
-        """True after failures have gone on for too long; `reset` starts again."""
-        return self._record.stopped
-
-    @property
-    def solution(self) -> Solution | None:
-        """Result of the QP in the last tick; None before the first one."""
-        return self.controller.solution
-
-    @property
     def fallen(self) -> FallReason | None:
         """Reason of the robot's fall, also of one that its stop will lead to; None while it has not fallen."""
         return self.sensing.falls.reason or (FallReason.SOLVER if self.stopped else None)
-
-    @property
-    def damped(self) -> bool:
-        """True once a fall has ended in damping; `reset` starts again."""
-        return self.sensing.damped
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""

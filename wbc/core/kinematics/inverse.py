@@ -9,15 +9,14 @@ from typing import Any, overload
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, NoSolutionError
 from wbc.base.html import html_table
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, scalar
 from wbc.base.settings import Count, NonNegative, Ordinal, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly, solve_levels
 from wbc.core.kinematics.reach import ReachResult, Search
 from wbc.core.limits.base import Limit
-from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import ANOTHER, Item, Items, ItemT
 from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
@@ -94,12 +93,15 @@ class InverseKinematics(Items):
     Attributes:
         robot: The robot. All methods read its configuration and its velocity; `step` and `update` change them.
         damping: Cost per squared velocity of every coordinate, divided by the weighted squared error.
+        solution: Result of the last step: status, residuals, active limits; None before the first one.
     """
 
     damping: float = fixed(ANOTHER)
+    solution: VelocitySolution | None = result("_solution", "`solve` makes one")
     _noun = "solver of inverse kinematics"
     _kinematic = True
     _assembly: VelocityAssembly
+    _solution: VelocitySolution | None
 
     @checked
     def __init__(
@@ -115,16 +117,9 @@ class InverseKinematics(Items):
                 joint velocities near singular postures, and vanishes as the errors do.
         """
         super().__init__(robot, dt, regularisation)
-        self.damping = damping
-        self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
-        self._solution: VelocitySolution | None = None
+        self.damping, self._period = damping, scalar(dt)
         self._close_chains()
         self._rebuild()
-
-    @property
-    def solution(self) -> VelocitySolution | None:
-        """Result of the last step: status, residuals, active limits; None before the first one."""
-        return self._solution
 
     # ---- tasks, contacts and limits -----------------------------------------------------------------------------
 
@@ -229,6 +224,7 @@ class InverseKinematics(Items):
         self._write()
         velocities, multipliers, status = self._solve()
         values = assembly.values(velocities) if assembly.lower else solver.values
+        self._solved = assembly
         self._solution = VelocitySolution(
             status, velocities, values, assembly.targets.copy(), multipliers, assembly
         )
@@ -265,7 +261,7 @@ class InverseKinematics(Items):
         if not (status.ok or hold):
             raise NoSolutionError(self._failure(status))
         robot.v[:] = velocities
-        self._move(pin.integrate(robot.model, robot.q, self.dt * velocities))
+        self._move(pin.integrate(robot.model, robot.q, self._period * velocities))
         return velocities
 
     def _failure(self, status: Status) -> str:
@@ -312,22 +308,3 @@ class InverseKinematics(Items):
             robot.v[:], (self._assembly, self._solver), self._dirty = velocity, own, False
             self._move(before)
             self._dirty = dirty
-
-    def held_back(self) -> dict[str, tuple[str, ...]]:
-        """Return the tasks that others hold off their targets at the last step → names of what does; slow.
-
-        A task on a lower level is held back by the tasks on the levels before it.
-        """
-        solution = self._solution
-        if solution is None or not solution.ok or self._dirty:
-            return {}
-        residuals = solution.residuals
-        soft = [task for task in self._tasks if not (task.hard or task.idle)]
-        first = [task for task in soft if id(task) not in self._levels]
-        found = held_back(first, self._assembly, residuals, solution.multipliers)
-        for task in soft:
-            level = self._levels.get(id(task), 0)
-            if level and is_far(task, self._assembly, residuals):
-                above = (each for each in self._tasks if self._levels.get(id(each), 0) < level)
-                found[task.name] = tuple(each.name for each in above if not each.idle)
-        return found

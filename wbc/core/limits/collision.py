@@ -88,45 +88,31 @@ class Near(NamedTuple):
     Attributes:
         rows: Row of each, shape (n,).
         pairs: Pair of each, shape (n,).
-        numbers: Its numbers, shape (n, 12), which have names below.
+        distance: Distances, shape (n,), m.
+        line: Normals from the first shapes to the second ones, and their moments about the origin of the world,
+            shape (n, 6), 1 and m.
+        point: Points of the first shapes in the world, shape (n, 3), m.
+        room: Distances beyond the margin, shape (n,), m; of a corner beyond that of a pair that has come too close.
+        growth: Speeds of the distances, or what a moving obstacle adds to them, shape (n,), m/s.
     """
 
     rows: NDArray[np.intp]
     pairs: NDArray[np.intp]
-    numbers: Array
+    distance: Array
+    line: Array
+    point: Array
+    room: Array
+    growth: Array
 
-    @property
-    def distance(self) -> Array:
-        """Distances, shape (n,), m."""
-        return self.numbers[:, 0]
-
-    @property
-    def line(self) -> Array:
-        """Normals, and their moments about the origin of the world, shape (n, 6), 1 and m."""
-        return self.numbers[:, 1:7]
-
-    @property
-    def normal(self) -> Array:
-        """Normals from the first shapes to the second ones, shape (n, 3)."""
-        return self.numbers[:, 1:4]
-
-    @property
-    def point(self) -> Array:
-        """Points of the first shapes in the world, shape (n, 3), m."""
-        return self.numbers[:, 7:10]
-
-    @property
-    def room(self) -> Array:
-        """Distances beyond the margin, shape (n,), m; of a corner beyond that of a pair that has come too close."""
-        return self.numbers[:, 10]
-
-    @property
-    def growth(self) -> Array:
-        """Speeds of the distances, or what a moving obstacle adds to them, shape (n,), m/s."""
-        return self.numbers[:, 11]
+    @classmethod
+    def of(cls, rows: Sequence[int], pairs: Sequence[int], numbers: Sequence[Numbers]) -> Near:
+        """Return them of their rows, pairs and numbers."""
+        n = np.array(numbers).reshape(-1, 12)
+        places = np.array(rows, dtype=np.intp), np.array(pairs, dtype=np.intp)
+        return cls(*places, n[:, 0], n[:, 1:7], n[:, 7:10], n[:, 10], n[:, 11])
 
 
-NOTHING = Near(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 12)))
+NOTHING = Near.of((), (), ())
 
 
 class CollisionLimit(Barrier):
@@ -329,7 +315,7 @@ class CollisionLimit(Barrier):
             ends = self._ends.take(near.pairs, axis=1).ravel()  # first bodies, then second ones
             away = self._round.take(near.pairs, axis=1)
             away[1] += near.distance
-            normal, point = near.normal.T[:, None], near.point.T[:, None]  # of both bodies
+            normal, point = near.line.T[:3, None], near.point.T[:, None]  # of both bodies
             velocities, accelerations, placements = (each.take(ends, axis=0) for each in self._bodies)
             motion, places = np.concatenate((velocities, accelerations), axis=1), placements.reshape(-1, 4, 3)
             # Along the world's axes, bodies last.
@@ -403,7 +389,7 @@ class CollisionLimit(Barrier):
         if not (found or corners):
             return NOTHING
         rows = [*pairs, *range(self._n_pairs, self._n_pairs + len(corners))]
-        return Near(np.array(rows), np.array(pairs + owners), np.array(found + corners))
+        return Near.of(rows, pairs + owners, found + corners)
 
     def _asked(self, window: Window, twists: Array | None) -> tuple[NDArray[np.intp], Iterable[float]]:
         """Return the pairs to measure, by bounds on their distances, and the distance up to which each counts, m."""

@@ -130,6 +130,7 @@ class CoMPolygonLimit(Barrier):
                 f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
             )
         super().bind(robot)
+        self._com, self._jacobian = robot.com[:2], robot.com_jacobian[:2]  # views
         time_constant, recovery = self._given_time, self._given_recovery
         if time_constant is None:
             heights = [robot.com[2] - robot.placement(sole.frame).translation[2] for sole in robot.soles]
@@ -146,9 +147,9 @@ class CoMPolygonLimit(Barrier):
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill one row for each edge; see `Barrier.measure`."""
-        below[:] = np.inf
-        rows[:] = np.dot(self._normals, self._robot.com_jacobian[:2])
-        np.subtract(self._offsets, np.dot(self._normals, self._robot.com[:2]), out=above)
+        below.fill(np.inf)
+        rows[:] = self._normals.dot(self._jacobian)
+        np.subtract(self._offsets, self._normals.dot(self._com), out=above)
 
     def drift(self) -> Array:
         """Return the accelerations towards the edges; see `Barrier.drift`."""

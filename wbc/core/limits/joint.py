@@ -192,7 +192,6 @@ class JointLimits(Barrier):
         kept = limited & self._use_position
         self._low, self._high = np.where(kept, self._lower, -np.inf), np.where(kept, self._upper, np.inf)
         self._most = np.tile(np.where(limited & self._use_velocity, self._fastest, np.inf), (2, 1))
-        self._most_back = -self._most[0]
         self._braked = np.where(self._brakes > 0.0, -self._brakes, np.inf)
         self._greatest = np.tile(np.where(limited, self._most_acceleration, np.inf), (2, 1))
         self._accelerates = bool(np.isfinite(self._greatest).any())
@@ -268,23 +267,6 @@ class JointLimits(Barrier):
         """Take the middle of bounds that cross."""
         crossed = upper < lower
         lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
-
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the velocity interval of every joint, rad/s; see `Limit.write_velocity`.
-
-        Joints that are inside their bounds, without bounds of accelerations, take a short way to the same numbers: a
-        step of inverse kinematics is faster by a twentieth.
-        """
-        if self._stop is None and dt == self._dt and rows is self._rows:
-            np.subtract(self._high, self._positions, out=upper)
-            np.subtract(self._low, self._positions, out=lower)
-            if upper[upper.argmin()] >= 0.0 >= lower[lower.argmax()]:
-                upper *= self._per_dt
-                lower *= self._per_dt
-                np.minimum(upper, self._most[0], out=upper)
-                np.maximum(lower, self._most_back, out=lower)
-                return
-        super().write_velocity(dt, rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""

@@ -49,12 +49,6 @@ class FixedContact(HeldFrame):
         """Describe the contact of a frame, which stays where it is when the contact is added."""
         super().__init__(frame, frame, np.zeros((0, 6)), **options)
 
-    @property
-    def normal_force_range(self) -> tuple[float, float]:
-        """Smallest and largest force along the z axis of the frame that are allowed now, N."""
-        high = float(self.force_ranges()[1][NORMAL])
-        return -high, high
-
     def force_ranges(self) -> tuple[Array, Array]:
         """Return the smallest and largest values of the force variables allowed now, each of shape (6,), N and Nm."""
         if self._active and self._load == 1.0:
@@ -155,9 +149,8 @@ class LoopClosure(Contact):
         self.cone = np.zeros((0, self.dim))
         self.revision += 1
 
-    @property
-    def normal_force_range(self) -> tuple[float, float]:
-        """Bounds of the normal force, N: minus and plus infinity, since a closure has no normal force."""
+    def force_ranges(self) -> tuple[float, float]:
+        """Return minus and plus infinity: no force of a closure has a range."""
         return -np.inf, np.inf
 
     def gap(self) -> tuple[float, float]:

@@ -284,15 +284,13 @@ class Contact(Motion):
             step = dt / self.ramp if self.ramp > 0.0 else 1.0
             self._set_load(min(goal, self._load + step) if self._active else max(goal, self._load - step))
 
-    @property
-    def normal_force_range(self) -> tuple[float, float]:
-        """Smallest and greatest normal force allowed now, N."""
+    def force_ranges(self) -> tuple[Array | float, Array | float]:
+        """Return the least and the greatest values of the `ranged` force variables that are allowed now, N and Nm.
+
+        They are numbers, those of the normal force, or arrays of shape (n,).
+        """
         high = self._load * float(self._greatest()[NORMAL])
         return min(self._min_force, 0.5 * high), high
-
-    def force_ranges(self) -> tuple[Array | float, Array | float]:
-        """Return the least and greatest values of the `ranged` force variables, N and Nm, a number or shape (n,)."""
-        return self.normal_force_range
 
     def _greatest(self) -> Array:
         """Forces of which the load is a share, shape (dim,), N and Nm: the greatest ones, or those carried before."""
@@ -531,9 +529,13 @@ class PointContact(Contact):
     """Contact at a point, such as a hand on a wall; its force is in a frame whose z axis is the normal of the surface.
 
     Its cost is 10⁻⁵ per N² by default.
+
+    Attributes:
+        point: Place of the contact in the frame, shape (3,), m, read-only.
     """
 
     dim = 3
+    point: Array = result("_point", OPTIONS)
 
     @checked
     def __init__(
@@ -558,11 +560,6 @@ class PointContact(Contact):
         super().__init__(frame, frame, friction_pyramid(friction), **options)
         self._point = finite_array(f"point of contact '{self.name}' (m)", point, (3,))
         self.normal = normal
-
-    @property
-    def point(self) -> Array:
-        """Place of the contact in the frame, shape (3,), m, read-only."""
-        return read_only(self._point)
 
     @property
     def normal(self) -> Array:

@@ -11,14 +11,14 @@ from time import perf_counter
 
 import numpy as np
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, names_in, shown, unknown_name
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import held_back, status_table
+from wbc.core.qp.diagnosis import status_table
 from wbc.core.qp.items import ANOTHER, Item, Items
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
@@ -43,10 +43,17 @@ class Controller(Items):
             control runs it.
         measured: Robot whose state is estimated from the sensors: `robot`, or in position control another one, which
             the control that runs the controller sets.
+        problem: QP of the last tick.
+        solution: Result of the last tick; None before the first one.
+        released: Joints that another controller moves, see `release`; None while there are none.
     """
 
     settings: SolverSettings = fixed(ANOTHER)
+    problem: Problem = result("_assembly.problem", "`solve` writes it")
+    solution: Solution | None = result("_solution", "`solve` makes one")
+    released: ReleasedJoints | None = result("_released", "`release` chooses joints")
     _assembly: Assembly
+    _solution: Solution | None
 
     @checked
     def __init__(
@@ -69,7 +76,6 @@ class Controller(Items):
         super().__init__(robot, dt, regularisation)
         self.settings = settings or SolverSettings()
         self.model_time = 0.0
-        self._solution: Solution | None = None
         self._outside: Array | None = None
         self._released: ReleasedJoints | None = None
         self.measured = robot
@@ -78,16 +84,6 @@ class Controller(Items):
         self._commanded = self._before = NO_TORQUES  # in the last tick, and in the one before
         self._close_chains()
         self._rebuild()
-
-    @property
-    def problem(self) -> Problem:
-        """QP of the last tick."""
-        return self._assembly.problem
-
-    @property
-    def solution(self) -> Solution | None:
-        """Result of the last tick; None before the first one."""
-        return self._solution
 
     @property
     def outside(self) -> Array | None:
@@ -154,11 +150,6 @@ class Controller(Items):
             raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
         return ReleasedJoints(self.robot, names) if names else None
 
-    @property
-    def released(self) -> ReleasedJoints | None:
-        """Joints that another controller moves, see `release`; None while there are none."""
-        return self._released
-
     def _changed(self) -> None:
         super()._changed()
         self._released = next((task for task in self._tasks if isinstance(task, ReleasedJoints)), None)
@@ -211,6 +202,7 @@ class Controller(Items):
             residual = np.full(assembly.targets.size, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
+        self._solved = assembly
         self._solution = solution = Solution(
             status, x, torques, solver.iterations, timings, assembly.layout, residual, multipliers
         )
@@ -300,19 +292,6 @@ class Controller(Items):
         return status_table(
             self.robot, self.dt, *items, self.regularisation, self._solution, self.held_back()
         )
-
-    def held_back(self) -> dict[str, tuple[str, ...]]:
-        """Return the tasks that others hold off their targets at the last tick → names of what does; slow."""
-        solution = self._solution
-        if solution is None or not solution.ok or solution.layout is not self._assembly.layout:
-            return {}
-        residuals = solution.residuals
-        soft = [
-            task
-            for task in self._tasks
-            if not (task.hard or task.idle or task is self._released) and task.name in residuals
-        ]
-        return held_back(soft, self._assembly, residuals, solution.multipliers)
 
     def _repr_html_(self) -> str:
         return html_table(self.status_table())

@@ -18,7 +18,8 @@ from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import violated_groups
+from wbc.core.qp.diagnosis import held_back, is_far, violated_groups
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
@@ -54,6 +55,9 @@ class Items:
         self._contacts: list[Contact] = []
         self._limits: list[Limit] = []
         self._dirty = True  # the layout of the QP is not that of the items
+        self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
+        self._solution: Any = None  # of the last tick
+        self._solved: RowStore | None = None  # rows of that tick
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -189,8 +193,26 @@ class Items:
         return _by_name("contact", name, self._contacts)
 
     def held_back(self) -> dict[str, tuple[str, ...]]:
-        """Return the tasks that others hold off their targets at the last tick → names of what does."""
-        raise NotImplementedError
+        """Return the tasks that others hold off their targets at the last tick → names of what does; slow.
+
+        A task on a lower level is held back by the tasks on the levels before it.
+        """
+        solution, rows = self._solution, self._assembly
+        if solution is None or not solution.ok or self._solved is not rows:
+            return {}
+        residuals, level = solution.residuals, {t.name: self._levels.get(id(t), 0) for t in self._tasks}
+        soft = [
+            task
+            for task in self._tasks
+            if task.name in residuals and not (task.hard or task.idle or isinstance(task, ReleasedJoints))
+        ]
+        first = [task for task in soft if not level[task.name]]
+        found = held_back(first, rows, residuals, solution.multipliers)
+        for task in soft:
+            if level[task.name] and is_far(task, rows, residuals):
+                above = (each for each in self._tasks if level[each.name] < level[task.name])
+                found[task.name] = tuple(each.name for each in above if not each.idle)
+        return found
 
     def diagnose(self) -> dict[str, float]:
         """Return the constraints that contradict each other, found with slack on every group; slow, not for the tick.

@@ -162,9 +162,10 @@ class Choice:
         joints: Names of the joints that the task may use; None for all.
         left_out: Velocity coordinates that are left out: `spared` ones, then those of other joints; None for none.
         expected: Their accelerations, shape of `left_out`.
+        spared: Velocity coordinates that are left out beside those of other joints, shape (n,), read-only.
     """
 
-    __slots__ = ("_spared", "_unused", "dim", "expected", "joints", "keep", "left_out", "n_linear", "n_rows")
+    __slots__ = ("_unused", "dim", "expected", "joints", "keep", "left_out", "n_linear", "n_rows", "spared")
 
     def __init__(
         self,
@@ -187,7 +188,7 @@ class Choice:
                 first, last = int(kept[0]), int(kept[-1])
                 self.keep = slice(first, last + 1) if last - first < self.dim else kept
         self.joints = None if joints is None else distinct_joints(joints)
-        self._spared = self._unused = np.zeros(0, dtype=np.intp)
+        self.spared = self._unused = np.zeros(0, dtype=np.intp)
         self.left_out: NDArray[np.intp] | None = None
         self.expected = np.zeros(0)
 
@@ -196,11 +197,6 @@ class Choice:
         self._unused = other_columns(robot, joints)
         self._leave_out()
 
-    @property
-    def spared(self) -> NDArray[np.intp]:
-        """Velocity coordinates that are left out beside those of other joints, shape (n,), read-only."""
-        return self._spared
-
     def spare(self, task: str, value: NDArray[np.intp]) -> None:
         """Leave other coordinates out than so far, after a check."""
         array = np.asarray(value)
@@ -208,12 +204,12 @@ class Choice:
             raise InputError(
                 f"spared of task '{task}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
             )
-        self._spared = array.astype(np.intp)
-        self._spared.setflags(write=False)
+        self.spared = array.astype(np.intp)
+        self.spared.setflags(write=False)
         self._leave_out()
 
     def _leave_out(self) -> None:
-        columns = np.concatenate([self._spared, np.setdiff1d(self._unused, self._spared)])
+        columns = np.concatenate([self.spared, np.setdiff1d(self._unused, self.spared)])
         self.left_out, self.expected = columns if columns.size else None, np.zeros(columns.size)
 
     @property

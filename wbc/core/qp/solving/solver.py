@@ -14,6 +14,7 @@ import enum
 import logging
 import math
 from dataclasses import dataclass
+from operator import attrgetter
 
 import daqp
 import numpy as np
@@ -244,7 +245,14 @@ class QpSolver:
     Attributes:
         iterations: Iterations of the solver that succeeded, or of the last one that failed.
         counts: Number of ticks that each step of the ladder has solved.
+        x: Solution of the last `solve`, shape (n,); no later one writes into it, nor into the arrays below.
+        values: All rows of the problem times `x`.
+        multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
     """
+
+    x = property(attrgetter("_fast.x"))
+    values = property(attrgetter("_fast.values"))
+    multipliers = property(attrgetter("_fast.multipliers"))
 
     def __init__(self, problem: Problem, settings: SolverSettings | None = None) -> None:
         """Prepare for a problem, whose arrays are read by every `solve`."""
@@ -258,21 +266,6 @@ class QpSolver:
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
         self._steady = True  # the active set was the same in the last tick as in the one before
-
-    @property
-    def x(self) -> Array:
-        """Solution of the last `solve`, shape (n,); no later one writes into it."""
-        return self._fast.x
-
-    @property
-    def values(self) -> Array:
-        """All rows of the problem times `x`; no later solve writes into them."""
-        return self._fast.values
-
-    @property
-    def multipliers(self) -> Array:
-        """Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active; as `x`."""
-        return self._fast.multipliers
 
     def solve(self) -> Status:
         """Solve, and store the results. Nothing is raised: the status tells of failures."""
