@@ -160,7 +160,7 @@ def draw(path: Path, what: Film) -> None:
 
 def film(replay: Replay, what: Film) -> list[Image.Image]:
     """Return the pictures; the camera goes where the robot goes in the mean over a while."""
-    brighten(replay.model)
+    brighten(replay.stage.model)
     places, times = replay.log["truth/base/position"], replay.log.time
     pictures = round(what.seconds * what.rate)
     due = what.start + np.arange(pictures) / what.rate
@@ -173,10 +173,10 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
     pushed = np.zeros(len(times), bool)
     if "truth/push/force/x" in replay.log:
         pushed = np.nan_to_num(replay.log["truth/push/force"]).any(axis=1)
-    with renderer(replay.model, *what.size, samples=4) as drawn:
+    with renderer(replay.stage.model, *what.size, samples=4) as drawn:
         for i, tick in enumerate(ticks):
             near = way[max(0, i - half) : i + half + 1]
-            height = max(replay.floor, places[tick][2] - replay.scale.height)
+            height = max(replay.stage.floor, places[tick][2] - replay.stage.scale.height)
             camera.lookat[:] = (*near.mean(axis=0), height + 0.74)
             picture = replay.picture(tick)
             picture.marks = [mark for mark in picture.marks if mark.name.startswith(what.marks)]
@@ -185,7 +185,7 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
                 last = int(before[-1])
                 point = replay.log["truth/push/point"][last] + places[tick] - places[last]
                 picture.marks.append(arrow(point, replay.log["truth/push/force"][last]))
-            frame = Image.fromarray(drawn.draw(replay, picture, camera))
+            frame = Image.fromarray(drawn.draw(replay.stage, picture, camera))
             text, colour = ("push", (200, 30, 20)) if before.size else (f"{what.pace:g} x", (70, 80, 90))
             ImageDraw.Draw(frame).text((10, 8), text, fill=colour, font=pen)
             frames.append(frame)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from foreign import foreign_model
 import wbc
 from wbc.app import Log, Recorder, Replay
 from wbc.base.errors import InputError
+from wbc.core.signals import Command, Measurement
 from wbc.sim import MujocoLoop, make_scene
 
 matplotlib.use("Agg")
@@ -64,7 +66,7 @@ def test_a_log_of_any_loop_is_drawn_and_replayed(tmp_path: Path, how: str) -> No
     for tick in (0, 19):
         marks = {mark.name: mark for mark in replay.picture(tick).marks}
         np.testing.assert_allclose(marks["com"].points[0], com, atol=2e-3)
-        pelvis = replay.data.body(DESCRIPTION.robot().base_frame)
+        pelvis = replay.stage.data.body(DESCRIPTION.robot().base_frame)
         np.testing.assert_allclose(pelvis.xpos, DESCRIPTION.robot().q[:3], atol=2e-3)
     assert {"ground force 0", "ground force 1"} <= set(marks)
     np.testing.assert_allclose(replay.base_places, np.tile(DESCRIPTION.robot().q[:3], (20, 1)), atol=2e-3)
@@ -96,3 +98,28 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
     np.testing.assert_allclose(log["joint/kd_command"][-1], command.kd, 1e-6)
     replay = Replay(log)
     assert replay.plant.start[0] == pytest.approx(start[0])
+
+
+@pytest.mark.parametrize("name", ["panda", "go1"])
+def test_a_robot_without_feet_is_recorded_without_theirs(tmp_path: Path, name: str) -> None:
+    """Its base, too, only if it has one; what is of another robot is refused."""
+    description = wbc.load_robot(name)
+    robot, other = description.robot(), DESCRIPTION.robot()
+    parts: list[Any] = [np.zeros(robot.na), np.zeros(robot.na), np.zeros(3), np.zeros(3), None]
+    command, begin = Command(robot.q[robot.base_nq :]), Measurement(0.0, *parts)
+    with Recorder(tmp_path / "run.arrow") as recorder:
+        for strange in ({"estimate": other}, {"truth": 3}, {"solution": 3}):
+            with pytest.raises(InputError):
+                recorder.write(description, begin, command, **strange)  # type: ignore[arg-type]
+        for k in range(3):
+            recorder.write(description, replace(begin, time=0.01 * k), command, estimate=robot)
+        with pytest.raises(InputError, match="'joint/position/"):
+            recorder.write(description, replace(Measurement.resting(other), time=1.0), command)
+    log = Log.open(recorder.path)
+    assert len(log) == 3 and ("base/estimated/position/x" in log) == (name == "go1")
+    assert not any(signal.startswith("foot/") for signal in log)
+    if name == "go1":
+        assert Replay(log).picture(2).time == pytest.approx(0.02)
+    else:
+        with pytest.raises(InputError, match="base"):
+            Replay(log)

@@ -62,6 +62,7 @@ from wbc.app.view.scene import DrawnScene
 from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
 from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force
 from wbc.core.robot import GRAVITY
+from wbc.core.signals import Measurement
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.robots import load
 from wbc.sim import Plant
@@ -497,7 +498,7 @@ def test_a_described_robot_has_the_zmp_of_what_its_soles_feel() -> None:
     left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
     wrenches = np.zeros((2, 6))
     wrenches[:, 2] = 0.25 * weight, 0.75 * weight
-    read: Any = SimpleNamespace(time=3.5, sole_wrench=wrenches)
+    read = replace(Measurement.resting(robot), time=3.5, sole_wrench=wrenches)
     assert shown.picture() is None
     assert shown.take(robot, read) == 3.5
     picture = shown.picture()
@@ -507,7 +508,7 @@ def test_a_described_robot_has_the_zmp_of_what_its_soles_feel() -> None:
     np.testing.assert_allclose(marks["zmp"].points[0], 0.25 * left + 0.75 * right, atol=1e-9)
     np.testing.assert_allclose(marks["ground force 1"].points[0], right, atol=1e-9)
     assert marks["com shadow"].points[0, 2] == pytest.approx(min(left[2], right[2]), abs=1e-9)
-    shown.take(robot.half_sitting, SimpleNamespace(time=5.0, sole_wrench=None))  # type: ignore[arg-type]
+    shown.take(robot.half_sitting, replace(read, time=5.0, sole_wrench=None))
     without = shown.picture()
     assert without is not None
     assert set(by_name(without.marks)) == {"com", "com shadow"} and without.time == 5.0

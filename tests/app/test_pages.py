@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -13,20 +14,20 @@ import pytest
 from made_views import Clock
 
 import wbc
-from wbc.app import MeshcatView
+from wbc.app import MeshcatView, Workbench
 from wbc.app.replay import player
 from wbc.app.replay.player import Player
 from wbc.app.view import base, meshcat_view
-from wbc.app.view.base import CATCH_UP_TIME, FIRST_PORT, MAX_STEP, PORTS, View, free_port
+from wbc.app.view.base import CATCH_UP_TIME, FIRST_PORT, MAX_STEP, PORTS, View, ViewError, free_port
 from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
 from wbc.app.view.meshcat_view import MeshcatScene
 from wbc.app.view.meshes import BodyMesh, Mesh, box
-from wbc.app.view.stage import SimulatedStage
+from wbc.app.view.stage import ShownRun, SimulatedStage
 from wbc.base.errors import InputError
-from wbc.core.signals import Command
+from wbc.core.signals import Command, Measurement
 
 HRP4 = wbc.load_robot("hrp4_class")
 
@@ -139,12 +140,25 @@ def test_what_a_view_says_of_program_control_and_end() -> None:
         Bare(plant, port=0).update(measurement=plant.measure())
     with pytest.raises(InputError, match="update"):
         Bare(HRP4, port=0).update()
+    with pytest.raises(InputError, match="control of 'g1'"):
+        Bare(HRP4, wbc.balance_controller(wbc.load_robot("g1").robot(), 0.005), port=0)
+    with pytest.raises(InputError, match="Program"):
+        view.run = ShownRun(plant, None, control)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="'panda' is bolted"):
+        Bare(wbc.load_robot("panda"), port=0)
+    read: Any = Measurement.resting(plant.robot)
+    for wrong in (3, replace(read, time=math.nan), replace(read, sole_wrench=np.zeros((1, 6)))):
+        with pytest.raises(InputError):
+            Bare(HRP4, port=0).update(plant.robot, measurement=wrong)
+    with pytest.raises(ViewError, match="no run"):
+        Workbench().ended("fell")
 
 
 def test_the_time_of_a_described_robot_is_that_of_its_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
     Clock(monkeypatch, base)
     view = Bare(HRP4, port=0)
-    view.update(HRP4.robot(), measurement=SimpleNamespace(time=7.5, sole_wrench=None))  # type: ignore[arg-type]
+    robot = HRP4.robot()
+    view.update(robot, measurement=replace(Measurement.resting(robot), time=7.5))
     assert view._pace.time == 7.5 and view.sent[-1].time == 7.5
     view.update(HRP4.robot())
     assert view._pace.time == 7.5, "without one the run has not gone on"
@@ -401,12 +415,13 @@ def test_a_replay_has_a_slider_over_its_times_and_shows_each_tick_once(
     replay: Any = SimpleNamespace(
         log=SimpleNamespace(time=np.array([0.504, 1.0, 2.0, 3.456])),
         title="walk",
+        stage="stage",
         picture=lambda tick: drawn.append(tick) or tick,
     )
     made = Player.__new__(Player)
     Player.__init__.__wrapped__(made, replay, 7100)  # type: ignore[attr-defined] - the replay is not checked
     assert calls == [(7101, "walk")] and made.url == page.url and drawn == [0]
-    assert made_of == [(page, replay)]
+    assert made_of == [(page, "stage")]
     gui.add_slider.assert_called_once_with("time (s)", 0.5, 3.46, 0.01, 0.5)
     gui.add_dropdown.assert_called_once_with("speed", tuple(player.SPEEDS), initial_value="1")
     assert all(float(name) == speed for name, speed in player.SPEEDS.items())

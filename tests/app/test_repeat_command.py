@@ -142,11 +142,11 @@ def test_a_walk_is_recorded_and_what_is_lost_is_told(
 
 
 def test_a_recorder_keeps_its_own_spec_and_takes_that_of_a_trial(tmp_path: Path) -> None:
-    trial: Any = SimpleNamespace(spec=SimpleNamespace(seed=7))
+    trial: Any = SimpleNamespace(spec=SimpleNamespace(seed=7, to_json=lambda: {"seed": 7}))
     for given in (None, {"own": 1}):
         with Recorder(tmp_path / "a.arrow", spec=given) as recorder:
             recorder.start(trial)
-            assert recorder._spec == (given or trial.spec) and recorder._seed == 7
+            assert recorder._spec == (given or {"seed": 7}) and recorder._seed == 7
 
 
 def test_a_log_that_cannot_be_begun_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

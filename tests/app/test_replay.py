@@ -82,10 +82,10 @@ def test_a_replay_shows_what_the_live_view_showed(tmp_path: Path) -> None:
     with Recorder(tmp_path / "walk.arrow") as record:
         run(plant, walk, 1.0, record, watch)
     replay = Replay(Log.open(tmp_path / "walk.arrow"))
-    assert len(replay) == len(seen) and replay.model.nbody == plant.model.nbody
+    assert len(replay) == len(seen) and replay.stage.model.nbody == plant.model.nbody
     for tick in shown:
         picture = replay.picture(tick)
-        poses = np.concatenate([replay.data.xpos, replay.data.xmat], axis=1)
+        poses = np.concatenate([replay.stage.data.xpos, replay.stage.data.xmat], axis=1)
         np.testing.assert_allclose(poses, seen[tick], atol=2e-6)  # soles as they were bent, too
         assert picture.time == shown[tick].time == replay.log.time[tick]
         assert {*shown[tick].text} <= {*picture.text}  # which has the last event, too
@@ -102,7 +102,7 @@ def test_forces_are_those_of_the_sensors(replay: Replay) -> None:
     tick = next(i for i in range(300, 600) if not log["foot/left/contact"][i])
     arrows = sum(mark.points[1] - mark.points[0] for mark in named(replay, tick, "ground force"))
     measured = log["foot/left/wrench_measured/fz"][tick] + log["foot/right/wrench_measured/fz"][tick]
-    force = arrows[2] * replay.scale.weight / replay.scale.height
+    force = arrows[2] * replay.stage.scale.weight / replay.stage.scale.height
     assert force == pytest.approx(measured, abs=0.02 * measured + 2.0)
 
 
@@ -170,7 +170,9 @@ def test_furniture_moves_as_it_moved_and_a_run_without_a_walk_has_no_footsteps(t
     assert not named(replay, 2, "planned") and named(replay, 2, "com")
     for tick in (39, 0, 20):
         replay.picture(tick)
-        found = [replay.data.body(name).xpos for name in bodies] + [replay.data.body(n).xquat for n in bodies]
+        found = [replay.stage.data.body(name).xpos for name in bodies] + [
+            replay.stage.data.body(n).xquat for n in bodies
+        ]
         for one, other in zip(found, seen[tick], strict=True):
             np.testing.assert_allclose(one, other, atol=1e-6)
     assert np.linalg.norm(seen[39][0] - seen[0][0]) > 0.05, "it moves"
@@ -182,7 +184,7 @@ def test_a_log_without_the_places_of_its_furniture_shows_it_at_the_start(tmp_pat
     log.signals = {name: s for name, s in log.signals.items() if not name.startswith("truth/scene")}
     replay = Replay(log)
     replay.picture(2)
-    np.testing.assert_allclose(replay.data.body("scene/cup").xpos, [0.6, 0.3, 0.3], atol=1e-6)
+    np.testing.assert_allclose(replay.stage.data.body("scene/cup").xpos, [0.6, 0.3, 0.3], atol=1e-6)
 
 
 def test_logs_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:
@@ -253,13 +255,13 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
     )
     ball = Mark("ball", "ball", np.array([(0.0, -0.5, 0.5)]), colour, 0.1)
     anew: dict[int, np.ndarray] = {}
-    with renderer(replay.model, *SIZE) as drawn:
+    with renderer(replay.stage.model, *SIZE) as drawn:
         for clouds in ([cloud], [cloud], [other], [], [cloud, other], [cloud, other], [cloud]):
             picture.marks = [ball, *clouds]
-            kept, which = drawn.draw(replay, picture, camera).astype(int), sum(map(id, clouds))
+            kept, which = drawn.draw(replay.stage, picture, camera).astype(int), sum(map(id, clouds))
             if which not in anew:
-                with renderer(replay.model, *SIZE) as new:
-                    anew[which] = new.draw(replay, picture, camera).astype(int)
+                with renderer(replay.stage.model, *SIZE) as new:
+                    anew[which] = new.draw(replay.stage, picture, camera).astype(int)
             np.testing.assert_allclose(anew[which], kept, atol=2)
 
 
@@ -270,17 +272,17 @@ def test_a_colour_of_a_body_ends_with_the_picture_that_has_it_and_the_model_stay
     import mujoco  # noqa: PLC0415 - with the driver that `film` has chosen
 
     def state() -> bytes:
-        content = np.empty(mujoco.mj_sizeModel(replay.model), np.uint8)
-        mujoco.mj_saveModel(replay.model, None, content)
-        return content.tobytes() + replay.data.light_xpos.tobytes()
+        content = np.empty(mujoco.mj_sizeModel(replay.stage.model), np.uint8)
+        mujoco.mj_saveModel(replay.stage.model, None, content)
+        return content.tobytes() + replay.stage.data.light_xpos.tobytes()
 
     camera, picture, own = mujoco.MjvCamera(), replay.picture(0), state()
     camera.distance, camera.elevation = 3.0, -20.0
     seen = []
-    with renderer(replay.model, *SIZE) as drawn:
-        for bodies in ((), range(replay.model.nbody), ()):
+    with renderer(replay.stage.model, *SIZE) as drawn:
+        for bodies in ((), range(replay.stage.model.nbody), ()):
             picture.colours = dict.fromkeys(bodies, (1.0, 0.0, 0.0, 1.0))
-            seen.append(drawn.draw(replay, picture, camera).astype(int))
+            seen.append(drawn.draw(replay.stage, picture, camera).astype(int))
     red, again = ((np.abs(each - seen[0]).max(axis=2) > 60).mean() for each in seen[1:])
     assert red > 0.01 and again < 0.001, "shares of the picture that look otherwise"
     assert state() == own

@@ -195,10 +195,8 @@ def test_the_camera_follows_the_robot_with_its_time_constant(monkeypatch: pytest
 
     monkeypatch.setattr(film, "renderer", lambda *_: Drawn())
     replay: Any = SimpleNamespace(
-        scale=Scale(0.8, 400.0),
+        stage=SimpleNamespace(scale=Scale(0.8, 400.0), floor=-0.1, model=None),
         base_places=places,
-        floor=-0.1,
-        model=None,
         title="t",
         picture=lambda tick: Picture(0.1 * tick, text=["told"]),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -137,13 +138,17 @@ PAGES: dict[str, Callable[[], Any]] = {"meshcat": MeshcatPage, "viser": ViserPag
 
 
 def picture(rng: np.random.Generator, time: float) -> Picture:
-    """A picture of some marks, in colours that may let light through, on a robot that may be painted."""
+    """A picture of some marks of any kind, in colours that may let light through, on a robot that may be painted."""
 
     def colour() -> Any:
         return *(round(float(part), 2) for part in rng.uniform(size=3)), float(rng.choice([0.3, 1.0]))
 
-    kinds = [kind for kind in KINDS if rng.uniform() < 0.7]
-    marks: list[Any] = [Mark(kind, kind, rng.normal(size=(KINDS[kind], 3)), colour(), 0.02) for kind in kinds]  # type: ignore[arg-type]
+    marks: list[Any] = []
+    for name in KINDS:
+        kind: Any = name if rng.uniform() < 0.7 else rng.choice([*KINDS])
+        points, size = rng.normal(size=(KINDS[kind], 3)), float(rng.choice([0.02, 0.05]))
+        if rng.uniform() < 0.7:
+            marks.append(Mark(name, kind, points, colour(), size))
     bodies = {body: colour() for body in (1, 2) if rng.uniform() < 0.5}
     return Picture(time, marks, [], rng.normal(size=3), bodies)
 
@@ -162,10 +167,13 @@ def test_a_page_shows_the_last_picture_whatever_it_showed_before(kind: str, seed
     stage.data.qpos[:] = rng.normal(size=stage.model.nq)
     mujoco.mj_kinematics(stage.model, stage.data)
     last, other, alone = picture(rng, 9.0), used.begin(stage), new.begin(stage)
+    last.marks += [replace(mark, name=f"still {mark.name}") for mark in last.marks]
     for k in range(4):
         if isinstance(other, ViserScene):
             other.see_through(k in (0, 2))
-        other.draw(picture(rng, float(k)))
+        before = picture(rng, float(k))
+        before.marks += [replace(mark, size=0.01) for mark in last.marks if mark.name.startswith("still")]
+        other.draw(before)
     for scene in (other, alone):
         scene.draw(last)
     one, two = used.state(other), new.state(alone)

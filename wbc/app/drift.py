@@ -34,8 +34,10 @@ class Drift:
 
     @classmethod
     def of(cls, log: Log) -> Drift:
-        """Return the drift of a log; none without ground truth."""
-        if "truth/base/orientation/x" not in log or "base/estimated/orientation/x" not in log:
+        """Return the drift of a log; none without ground truth, and of a robot that has not two feet."""
+        robot, known = log.header.get("robot"), ("truth/base", "base/estimated")
+        other = robot is not None and len(robot["soles"]) != len(SIDES)
+        if other or any(f"{base}/orientation/x" not in log for base in known):
             return cls(np.zeros(len(log)), *np.zeros((2, len(log), 3)))
         turn = yaw_of(log.vector("truth/base/orientation", 4)) - yaw_of(
             log.vector("base/estimated/orientation", 4)

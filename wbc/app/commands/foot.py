@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from wbc.app.arguments import Fields, attribute_docs
+from wbc.app.arguments import Fields
+from wbc.app.commands.settings import settings_of
 from wbc.app.commands.terrain import ground_of
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.errors import InputError
@@ -19,7 +20,6 @@ from wbc.base.settings import (
     Positive,
     as_changes,
     read_changes,
-    setting_names,
     settings,
     to_json,
 )
@@ -134,15 +134,8 @@ def _sole(robot: str) -> AnkleSole:
 
 def parameters(design: Foot) -> list[dict[str, Any]]:
     """Return the parameters of a foot: name, default and meaning, with its unit."""
-    listed = []
-    for path in setting_names(design):
-        owner: Any = design
-        *groups, name = path.split(".")
-        for group in groups:
-            owner = getattr(owner, group)
-        default, about = to_json(getattr(owner, name)), attribute_docs(type(owner)).get(name, "")
-        listed.append({"name": path, "default": default, "about": about})
-    return listed
+    rows = settings_of(type(design), "", design)
+    return [{"name": row.name, "default": to_json(row.value), "about": row.about} for row in rows]
 
 
 def _lines(listed: list[dict[str, Any]]) -> list[str]:

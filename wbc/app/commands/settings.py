@@ -17,13 +17,14 @@ from wbc.walking.plans.gait import Gait
 
 
 class SettingRow(NamedTuple):
-    """A setting: its class, its name as `--set` takes it, its default, its meaning, and the module of its class."""
+    """A setting: its class with its module, its name as `--set` takes it, its default, also as text, and meaning."""
 
     owner: str
+    module: str
     name: str
+    value: Any
     default: str
     about: str
-    module: str
 
 
 @reports
@@ -40,7 +41,7 @@ def settings(
         raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")
     facts = {each.name: {"default": each.default, "about": each.about} for each in found}
     return output.report(
-        {"settings": facts}, "\n".join(f"{n} = {d}\n    {about}" for _, n, d, about, _ in found)
+        {"settings": facts}, "\n".join(f"{each.name} = {each.default}\n    {each.about}" for each in found)
     )
 
 
@@ -63,7 +64,8 @@ def settings_of(kind: type, path: str = "", given: Any = None) -> Iterator[Setti
         if dataclasses.is_dataclass(default):
             trees.append((default, name))
         elif about.get(field.name) and name not in DERIVED:
-            yield SettingRow(kind.__name__, name, _shown(default), about[field.name], kind.__module__)
+            shown = _shown(default)
+            yield SettingRow(kind.__name__, kind.__module__, name, default, shown, about[field.name])
     for each, name in trees:
         yield from settings_of(type(each), name, each)
 

@@ -82,7 +82,7 @@ class _Header(BaseModel, strict=True):
 
 
 def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
-    """Return the header of a run, from its first tick; see `Recorder` for the others, seed is the plant's when None."""
+    """Return the header of a run, from its first tick; the spec is plain values, the seed the plant's when None."""
     robot, plant = tick.robot, tick.plant if isinstance(tick.plant, Plant) else None
     if seed is None and plant is not None:
         seed = plant.seed
@@ -101,7 +101,7 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
             "soles": [{"name": s.name, "length_m": s.length, "width_m": s.width} for s in robot.soles],
             "torque_limit_Nm": dict(zip(robot.joint_names, robot.torque_limit.tolist(), strict=True)),
         },
-        "spec": spec.to_json() if hasattr(spec, "to_json") else to_json(spec),
+        "spec": spec,
         "plant": None if plant is None else _plant_parts(plant),
         "description": to_json(tick.description if plant is None else None),
     }

@@ -184,7 +184,7 @@ class Log:
         names = [
             name
             for name, signal in self.signals.items()
-            if name.rpartition("/")[0] == group and signal.kind not in ("text", "list")
+            if group and name.rpartition("/")[0] == group and signal.kind not in ("text", "list")
         ]
         if not names:
             groups = {name.rpartition("/")[0] for name in self.signals} - {""}

@@ -18,9 +18,10 @@ from wbc.app.log.signals import XY, XYZ, Read, Signal, Signals, Tick
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.files import FileError
 from wbc.base.numbers import Array
+from wbc.base.settings import to_json
 from wbc.core.drive.control import Control
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
@@ -32,7 +33,6 @@ from wbc.sim.studies.provenance import provenance
 from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
-    from wbc.sim.simulation.simulation import Simulation
     from wbc.sim.trial.trial import TrialTick
     from wbc.sim.walks.result import WalkResult
 
@@ -57,7 +57,7 @@ class Recorder(TrialHook):
         self._writer = LogWriter(path)
         provenance()  # asks git once, before the run
         self.path = self._writer.path
-        self._spec, self._title = spec, title
+        self._spec, self._title = _plain(spec), title
         self._seed: int | None = None  # of the plant when None
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
@@ -65,6 +65,7 @@ class Recorder(TrialHook):
         self._time = -math.inf  # of the measurement of the last tick, s
         self._model: Robot | None = None  # of a controller of one's own
 
+    @checked
     def add(self, name: str, value: Callable[[Tick], Any], unit: str = "1", about: str = "") -> None:
         """Add a signal, before the first tick is recorded.
 
@@ -78,15 +79,12 @@ class Recorder(TrialHook):
         """
         if self._signals is not None:
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
-        if not callable(value):
-            raise InputError(f"signal '{name}' needs a function that gives its value, got {value!r}")
         if not all(part.strip() for part in name.split("/")) or "\n" in name:
             raise InputError(f"a signal's name is made of parts separated by '/', got {name!r}")
         self._added.append((Signal(name, unit, about), value))
 
-    def __call__(
-        self, plant: Simulation | None, control: Control, measurement: Measurement, command: Command
-    ) -> None:
+    @checked
+    def __call__(self, plant: Any, control: Any, measurement: Measurement, command: Command) -> None:
         """Record one tick, after the command has been computed and before the plant takes it.
 
         Args:
@@ -108,6 +106,7 @@ class Recorder(TrialHook):
         state = drives.observer.robot
         self._record(Tick(plant, control, measurement, command, about, drives.solution, truth, state))
 
+    @checked
     def write(
         self,
         description: RobotDescription,
@@ -131,9 +130,9 @@ class Recorder(TrialHook):
             estimate: Estimated robot in this tick.
         """
         if self._model is None:
-            _check_kind("description", description, RobotDescription)
             self._model = description.robot()
-        elif description.joint_names != self._model.joint_names:
+        robots = description, self._model if estimate is None else estimate
+        if any(robot.joint_names != self._model.joint_names for robot in robots):
             raise InputError(
                 f"{self.path} is the log of '{self._model.name}'; make another Recorder for others"
             )
@@ -163,7 +162,7 @@ class Recorder(TrialHook):
     def start(self, trial: Any) -> None:
         """Take the specification and the seed of a trial that has them; see `TrialHook`."""
         if (spec := getattr(trial, "spec", None)) is not None:
-            self._spec, self._seed = self._spec or spec, getattr(spec, "seed", None)
+            self._spec, self._seed = self._spec or _plain(spec), getattr(spec, "seed", None)
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""
@@ -175,8 +174,6 @@ class Recorder(TrialHook):
 
     def _begin(self, tick: Tick) -> Signals:
         """Describe the signals of the run and write the header."""
-        _check_kind("measurement", tick.measurement, Measurement)
-        _check_kind("command", tick.command, Command)
         signals = tick_signals(tick)
         for signal, function in self._added:
             _add_own(signals, signal, function, function(tick))
@@ -212,7 +209,7 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
             array = np.array(value, dtype=np.float64)
             if not flag or isinstance(value, (bool, np.bool_)):
                 return array
-        raise InputError(f"signal '{name}' began with {first!r} and cannot keep {value!r}")
+        raise InputError(f"signal '{name}' began with {shown(first)} and cannot keep {shown(value)}")
 
     shape = () if text else numbers(first).shape
 
@@ -236,6 +233,9 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
     signals.group(name, parts, signal.unit, signal.about, read, "double")
 
 
-def _check_kind(what: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise InputError(f"{what} of a tick must be a {kind.__name__}, got {type(value).__name__}")
+def _plain(spec: Any) -> Any:
+    """Return a specification as plain values, which no change of it reaches."""
+    try:
+        return spec.to_json() if hasattr(spec, "to_json") else to_json(spec)
+    except TypeError as error:
+        raise InputError(f"the spec of a recording cannot be kept: {error}") from error

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, NamedTuple, TypeVar, TypeVarTuple, cast
 
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.core.drive.control import Control, DriveControl
 from wbc.core.qp.controller import Controller
@@ -169,8 +169,19 @@ class Signals:
         row.fill(math.nan)
         for read, place in self._numbers:
             if (value := read(tick)) is not None:
-                row[place] = value
+                try:
+                    row[place] = value
+                except (TypeError, ValueError) as error:
+                    raise InputError(
+                        f"'{self._name_at(place)}' of a log cannot keep {shown(value)}"
+                    ) from error
         return [read(tick) for read in self._objects]
+
+    def _name_at(self, place: int | slice) -> str:
+        first = place.start if isinstance(place, slice) else place
+        return next(
+            each.name for each, at in self.columns if at == first and each.kind not in ("text", "list")
+        )
 
 
 class TickPart(Generic[T]):

@@ -213,7 +213,8 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     def base(state: TickPart[Any], name: str) -> None:
         add_motion(signals, name, "base", "base frame", state(lambda s: s.q[:7]), state(lambda s: s.v[:6]))
 
-    base(estimated, "base/estimated")
+    if robot.base_nq:
+        base(estimated, "base/estimated")
     group("com/estimated", XYZ, "m", "world", estimated(lambda r: r.com))
     group("com/estimated_velocity", XYZ, "m/s", "world", estimated(lambda r: r.com_velocity))
     for foot, sole in zip(foot_names(robot), robot.soles, strict=True):
@@ -281,10 +282,12 @@ def _add_measurement(signals: Signals, tick: Tick) -> None:
         "of the ground on the sole, sole frame",
         lambda t: t.measurement.sole_wrench,
     )
-    about = "range sensor under the toe; NaN without an echo"
-    signals.each([f"foot/{foot}/range" for foot in feet], "m", about, lambda t: t.measurement.sole_range)
-    names = [f"foot/{foot}/stiffness" for foot in feet]
-    signals.each(names, "Nm/rad", "actual, of the sole", lambda t: t.measurement.sole_stiffness)
+    if len(first.sole_range) == len(feet):  # that of a robot with other than two is a default
+        about = "range sensor under the toe; NaN without an echo"
+        signals.each([f"foot/{foot}/range" for foot in feet], "m", about, lambda t: t.measurement.sole_range)
+    if len(first.sole_stiffness) == len(feet):
+        names = [f"foot/{foot}/stiffness" for foot in feet]
+        signals.each(names, "Nm/rad", "actual, of the sole", lambda t: t.measurement.sole_stiffness)
     if first.joint_torque is not None:
         measured("joint/torque_measured", joints, torque_units(robot), "of the drive", "joint_torque")
     if first.hand_wrenches is not None:

@@ -20,13 +20,14 @@ from wbc.app.log.signals import (
     TickPart,
     add_motion,
     cached,
+    foot_names,
     joint_units,
     position_signal,
     torque_units,
 )
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.robot import SIDES, Robot
+from wbc.core.robot import Robot
 from wbc.sim.plant.grips import SCENE_PREFIX
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.stabilizer.pendulum import dcm
@@ -80,7 +81,7 @@ def add_truth(signals: Signals, tick: Tick) -> None:
         if truth is None:
             return None
         pin.framesForwardKinematics(robot.model, robot.data, truth.q)
-        feet = np.concatenate([robot.placement(sole.frame).translation for sole in robot.soles[:2]])
+        feet = np.ravel([robot.placement(sole.frame).translation for sole in robot.soles])
         return TrueState(truth.q, truth.v, truth.joint_torque, truth.com, truth.com_velocity, feet)
 
     names, units = robot.joint_names, joint_units(robot)
@@ -108,15 +109,17 @@ def _add_true_state(
     robot, group, found = tick.robot, signals.group, cached(state)
     true = TickPart(found)
 
-    base = "truth/base"
-    add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
+    nq = robot.base_nq
+    if nq:
+        pose, velocity = true(lambda s: s.q[:7]), true(lambda s: s.v[:6])
+        add_motion(signals, "truth/base", "base", "base frame", pose, velocity)
     names = [position_signal(joint, robot) for joint in joints]
-    signals.each(names, units, "without sensor errors", true(lambda s: s.q[7:]))
+    signals.each(names, units, "without sensor errors", true(lambda s: s.q[nq:]))
     about = "last applied by the drives"
     group("truth/joint/torque", robot.joint_names, torque_units(robot), about, true(lambda s: s.joint_torque))
     group("truth/com", XYZ, "m", "of everything, feet included, world", true(lambda s: s.com))
     group("truth/com_velocity", XYZ, "m/s", "world", true(lambda s: s.com_velocity))
-    soles = [f"truth/foot/{side}/position/{axis}" for side in SIDES for axis in XYZ]
+    soles = [f"truth/foot/{foot}/position/{axis}" for foot in foot_names(robot) for axis in XYZ]
     signals.each(soles, "m", "sole centre, world", true(lambda s: s.feet))
     about = "torque over its limit in the direction in which it acts"
 

@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -20,30 +20,14 @@ from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
 from wbc.app.replay.rerun_file import RerunFile
 from wbc.app.view.scene import DrawnScene
-from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.settings import Positive
 
+LogFile = RerunFile | FoxgloveFile
 
-class LogFile(Protocol):
-    """File of a format that is being written; it is complete when it is closed."""
-
-    def write_numbers(self, group: str, signals: Sequence[Signal]) -> None:
-        """Write the numbers of a group of signals, each of which has some."""
-
-    def write_texts(self, name: str) -> None:
-        """Write the texts of a signal."""
-
-    def scene(self, stage: Stage) -> DrawnScene:
-        """Begin the scene of a stage."""
-
-    def close(self) -> None:
-        """Complete the file."""
-
-
-FORMATS: dict[str, tuple[str, Callable[[Path, Log], LogFile]]] = {
+FORMATS: dict[str, tuple[str, type[LogFile]]] = {
     ".rrd": ("rerun", RerunFile),
     ".mcap": ("foxglove", FoxgloveFile),
 }
@@ -97,7 +81,7 @@ def convert_log(
         file = FORMATS[target.suffix.lower()][1](new, log)
         steps = [partial(_write_group, file, log, name, signals) for name, signals in groups.items()]
         if replay is not None:
-            scene = file.scene(replay)
+            scene = file.scene(replay.stage)
             steps += [partial(_draw, scene, replay, tick) for tick in dict.fromkeys(replay.ticks(rate))]
         for step in progress(steps):
             step()

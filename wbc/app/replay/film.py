@@ -115,15 +115,15 @@ def render_video(
 
 
 def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int, int]) -> Iterator[Pixels]:
-    height = replay.scale.height
+    stage, height = replay.stage, replay.stage.scale.height
     camera, places = mujoco.MjvCamera(), replay.base_places
-    aim(camera, height, (*places[0, :2], replay.floor + 0.85 * height))
+    aim(camera, height, (*places[0, :2], stage.floor + 0.85 * height))
     share = lag_gain(1.0 / rate, FOLLOW_TIME)
-    with renderer(replay.model, *size) as drawn:
+    with renderer(stage.model, *size) as drawn:
         for tick in ticks:
             picture = replay.picture(tick)
             camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
-            yield _with_caption(drawn.draw(replay, picture, camera), replay.title, picture)
+            yield _with_caption(drawn.draw(stage, picture, camera), replay.title, picture)
 
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:

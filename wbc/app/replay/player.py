@@ -37,7 +37,7 @@ class Player:
         """
         self._replay, self._times = replay, replay.log.time
         self._page = ViserPage(free_port(port), replay.title)
-        self._panel = ViserPanel(self._page, replay)
+        self._panel = ViserPanel(self._page, replay.stage)
         self.url, gui = self._page.url, self._panel.gui
         self._tick, first = -1, math.floor(100.0 * self._times[0]) / 100.0
         last = math.ceil(100.0 * self._times[-1]) / 100.0  # no earlier than the last tick
@@ -50,8 +50,8 @@ class Player:
     def show(self, tick: int) -> None:
         """Show a tick of the log, unless it is shown already."""
         if tick != self._tick:
-            self._tick = tick
             self._panel.draw(self._replay.picture(tick))
+            self._tick = tick
             self._panel.speak(now=True)
 
     def run(self) -> None:

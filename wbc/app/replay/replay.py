@@ -10,7 +10,7 @@ import numpy as np
 from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
-from wbc.app.log.signals import position_signal
+from wbc.app.log.signals import foot_names, position_signal
 from wbc.app.log.stances import Stance, stances
 from wbc.app.log.truth import furniture_signals
 from wbc.app.view.marks import (
@@ -25,7 +25,7 @@ from wbc.app.view.marks import (
     sole_force,
     walk_text,
 )
-from wbc.app.view.stage import DescribedStage, RunStage, SimulatedStage
+from wbc.app.view.stage import DescribedStage, SimulatedStage, Stage
 from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -49,12 +49,11 @@ class Replay:
         log: The log.
         plant: Plant of the log's header, which shows states and is never stepped; None for another loop.
         title: Title of the log.
-        model: MuJoCo's model.
-        data: MuJoCo's state, which `picture` sets.
-        floor: Height of the floor plane, m.
-        scale: Sizes of the robot.
+        stage: MuJoCo's model, its state, which `picture` sets, and sizes of the robot.
         base_places: Positions of the base as shown, shape (ticks, 3), m.
     """
+
+    stage: Stage
 
     @checked
     def __init__(self, log: Log) -> None:
@@ -69,16 +68,13 @@ class Replay:
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
-        stage: RunStage
         with decoding(log.path, "log that can be replayed"):
             self.plant = None if log.header.get("plant") is None else read_plant(dict(log.header))
             if self.plant is None:
-                stage, self._q = _robot_of_loop(log)
+                self.stage, self._q = _robot_of_loop(log)
             else:
-                stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
-            self._stage, self.model, self.data = stage, stage.model, stage.data
-            self.floor, self.scale = stage.floor, stage.scale
-            self.title = str(log.header.get("title") or stage.title)
+                self.stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
+            self.title = str(log.header.get("title") or self.stage.title)
             self.base_places = self._q[:, :3]
             self._read(log)
 
@@ -89,7 +85,9 @@ class Replay:
         self._zmp = drift(log.vector("zmp/measured", 3)) if "zmp/measured/x" in log else None
         self._dcm = drift(log.vector("dcm/estimated", 2)) if "dcm/estimated/x" in log else None
         self._planned = dict(_planned(log, drift))
-        self._wrenches = [log.vector(f"foot/{side}/wrench_measured", 6) for side in SIDES]
+        self._wrenches = [
+            log.vector(f"foot/{side}/wrench_measured", 6) for side in foot_names(self.stage.robot)
+        ]
         push = [f"truth/push/{part}" for part in ("point", "force")]
         self._push = [log.vector(name, 3) for name in push] if f"{push[0]}/x" in log else None
         self._stances = stances(log, "truth", drift) if _shows_walk(log) else []
@@ -126,21 +124,21 @@ class Replay:
         """
         if tick >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
-        stage = self._stage
+        stage, scale = self.stage, self.stage.scale
         stage.show(self._q[tick])
         forces = []
-        for pose, wrenches in zip(sole_poses(stage.places, self.data), self._wrenches, strict=True):
+        for pose, wrenches in zip(sole_poses(stage.places, stage.data), self._wrenches, strict=True):
             forces += sole_force(pose[:3, 3], pose[:3, :3], wrenches[tick])
         if self._push is not None and self._push[1][tick].any() and np.isfinite(self._push[0][tick]).all():
             forces.append(Force("push", self._push[0][tick], self._push[1][tick]))
         zmp, dcm = (None if values is None else values[tick] for values in (self._zmp, self._dcm))
-        level = float(zmp[2]) if zmp is not None and np.isfinite(zmp[2]) else self.floor
+        level = float(zmp[2]) if zmp is not None and np.isfinite(zmp[2]) else stage.floor
         standing = [foot.corners for foot in self._stances if foot.start <= tick < foot.end]
         support = np.concatenate(standing) if standing else None
         picture = Picture(float(self.log.time[tick]), target=self.base_places[tick])
-        picture.add_balance(self.scale, self._com[tick], level, zmp, dcm, support)
-        picture.marks += force_marks(self.scale, forces)
-        picture.add_planned(self.scale, {name: points[tick] for name, points in self._planned.items()})
+        picture.add_balance(scale, self._com[tick], level, zmp, dcm, support)
+        picture.marks += force_marks(scale, forces)
+        picture.add_planned(scale, {name: points[tick] for name, points in self._planned.items()})
         picture.marks += [mark for start, end, mark in self._marks if start <= tick < end]
         self._tell(picture, tick)
         if any(stage.soles):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import subprocess
@@ -128,6 +129,7 @@ class RerunView(View):
 
         if self._stream is not None:
             self._stream.disconnect()
+        self._time = -math.inf  # of the last picture, s
         self._stream = rerun.RecordingStream("wbc")  # each run has a recording, the page shows the last one
         self._stream.connect_grpc(self._source)
         self._scene, height = RerunScene(self.run.stage, self._stream), self.run.stage.scale.height
@@ -143,6 +145,9 @@ class RerunView(View):
     def _send(self, picture: Picture) -> None:
         import rerun  # noqa: PLC0415
 
+        if picture.time < self._time:  # as after a reset: what came later would still be there
+            self._build()
+        self._time = picture.time
         self._scene.draw(picture)
         self._stream.log("state", rerun.TextDocument("\n\n".join(picture.lines)))
 

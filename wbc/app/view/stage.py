@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,11 +14,12 @@ from wbc.app.drift import MIN_LOAD
 from wbc.app.view.marks import Force, Picture, Scale, force_marks, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.core.drive.control import Control
 from wbc.core.frames import net_wrench
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.signals import Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -28,86 +31,81 @@ from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natura
 from wbc.walking.control import WalkingControl
 from wbc.walking.steered import SteeredControl
 
-if TYPE_CHECKING:
-    from wbc.core.signals import Measurement
-
-
 STATUS_LENGTH = 120
 """Number of characters of the state of the control that are shown; a fall and a stop stand first in it."""
 
 
-class Stage(Protocol):
-    """Content of a page, film or file: bodies of a model in the state of its data, and sizes for marks and camera.
+class Stage(ABC):
+    """Content of a page, film or file: bodies of a model, whose state is taken and made into a picture, or is shown.
 
     Attributes:
         title: Name of the robot.
+        robot: The robot, for names and sizes.
         model: MuJoCo's model.
         data: Its state: places of the bodies.
         floor: Height of the floor plane, m.
-        scale: Sizes of the robot.
-    """
-
-    title: str
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    floor: float
-    scale: Scale
-
-
-class RunStage(Stage, Protocol):
-    """Stage of a run: its present state is taken and made into a picture, or another one is shown.
-
-    Attributes:
+        scale: Sizes of the robot, for marks and camera.
         plant: Robot in a simulation; None for a described one.
         places: Places of the robot in the model.
         soles: Bodies of each sole of variable stiffness; empty without them.
     """
 
-    plant: MujocoRobot | None
+    model: mujoco.MjModel
+    data: mujoco.MjData
     places: RobotPlaces
-    soles: list[list[int]]
+    plant: MujocoRobot | None = None
+    soles: Sequence[Sequence[int]] = ()
 
+    def __init__(self, title: str, robot: Robot, com: float, floor: float) -> None:
+        """Take the height of the centre of mass, m, with that of the floor."""
+        self.title, self.robot, self.floor = title, robot, floor
+        self.scale = Scale(com - floor, robot.mass * GRAVITY)
+
+    @abstractmethod
     def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
         """Take the state that is given, and what the soles measure; return its time, s. `View.update` says which."""
 
+    @abstractmethod
     def show(self, q: Array) -> None:
         """Put the bodies where they are in a configuration: MuJoCo's of a simulation, Pinocchio's of a description."""
 
+    @abstractmethod
     def picture(self) -> Picture | None:
         """Return the picture of the state that was taken last, with the forces on its soles; None before one was."""
 
 
-class SimulatedStage:
-    """Robot in a simulation, to which a live view writes nothing; see `RunStage`."""
+class SimulatedStage(Stage):
+    """Robot in a simulation, to which a live view writes nothing."""
+
+    plant: MujocoRobot
 
     def __init__(self, robot: MujocoRobot, walking: WalkingControl | None) -> None:
-        self.plant: MujocoRobot | None = robot
-        self._robot, self._walking = robot, walking
-        self.title, self.model, self.data = robot.description.name, robot.model, robot.data
-        self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
-        self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
+        floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
+        super().__init__(robot.description.name, robot.robot, float(robot.truth().com[2]), floor)
+        self.plant, self._walking = robot, walking
+        self.model, self.data, self.places = robot.model, robot.data, robot.places
         self._marks = None if walking is None else WalkMarks(robot, walking, self.scale)
-        self.places, self.soles = robot.places, sole_bodies(robot)
+        self.soles = sole_bodies(robot)
         self._springs: list[int] = []
         if isinstance(robot, Plant) and all(self.soles):
             self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
 
     def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
-        """See `RunStage`; `InputError` for what a simulation has itself."""
+        """See `Stage`; `InputError` for what a simulation has itself."""
         if state is not None or read is not None:
             raise InputError(
                 "a view of a simulation reads its state itself: update() without state and measurement"
             )
-        return self._robot.time
+        return self.plant.time
 
     def show(self, q: Array) -> None:
-        """See `RunStage`."""
+        """See `Stage`."""
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self) -> Picture:
-        """See `RunStage`."""
-        robot, truth, data = self._robot, self._robot.truth(), self.data
+        """See `Stage`."""
+        robot, truth, data = self.plant, self.plant.truth(), self.data
         position, force, sole = truth.contact_position, truth.contact_force, truth.contact_sole
         forces = []
         for i in range(len(robot.places.feet)):
@@ -136,44 +134,50 @@ class SimulatedStage:
         return picture
 
 
-class DescribedStage:
-    """Robot whose states are given: an estimate, a plan, a real robot; see `RunStage`."""
-
-    plant: MujocoRobot | None = None
+class DescribedStage(Stage):
+    """Robot whose states are given: an estimate, a plan, a real robot."""
 
     def __init__(self, description: RobotDescription) -> None:
-        self._robot, self.title = description.robot(), description.name
-        ground = terrain("flat")
-        self.model = drawing_model(description, self._robot, ground)
-        self.data = mujoco.MjData(self.model)
-        self.places, self.soles = RobotPlaces(self.model, self._robot), list[list[int]]()
-        self.floor = float(ground.surface.floor)
-        self.scale = Scale(float(self._robot.com[2]), self._robot.mass * GRAVITY)
+        if description.base == "fixed":
+            raise InputError(
+                f"a view shows a robot that moves about, and '{description.name}' is bolted down"
+            )
+        ground, robot = terrain("flat"), description.robot()
+        super().__init__(description.name, robot, float(robot.com[2]), float(ground.surface.floor))
+        self.model = drawing_model(description, robot, ground)
+        self.data, self.places = mujoco.MjData(self.model), RobotPlaces(self.model, robot)
         self._state: Robot | Array | None = None
         self._read: Measurement | None = None
         self._time = 0.0
 
     def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
-        """See `RunStage`: a robot, or a configuration (nq,); the time is that measured last."""
-        own = self._robot
+        """See `Stage`: a robot, or a configuration (nq,); the time is that measured last."""
+        own = self.robot
         if state is None:
             raise InputError("a view of a description needs the state to show: update(robot)")
         if not isinstance(state, Robot):
             state = finite_array("configuration to show", state, (own.nq,))
         elif state.model.nq != own.model.nq or state.model.nframes != own.model.nframes:
             raise InputError(f"the view shows '{own.name}', not {state!r}")
+        if read is not None:
+            if not isinstance(read, Measurement):
+                raise InputError(f"a view shows a Measurement, got {read!r}")
+            if (wrench := read.sole_wrench) is not None and np.shape(wrench) != (len(own.soles), 6):
+                raise InputError(
+                    f"sole_wrench must be of {len(own.soles)} soles, got shape {np.shape(wrench)}"
+                )
+            self._time = finite_scalar("time of the measurement (s)", read.time)
         self._state, self._read = state, read
-        self._time = self._time if read is None else read.time
         return self._time
 
     def show(self, q: Array) -> None:
-        """See `RunStage`."""
+        """See `Stage`."""
         self.places.set_configuration(q, self.data.qpos)
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self) -> Picture | None:
-        """See `RunStage`."""
-        robot, state, read = self._robot, self._state, self._read
+        """See `Stage`."""
+        robot, state, read = self.robot, self._state, self._read
         if state is None:
             return None
         if isinstance(state, Robot):
@@ -187,7 +191,7 @@ class DescribedStage:
             total = net_wrench(read.sole_wrench.tolist(), places)
             for place, wrench in zip(places, read.sole_wrench, strict=True):
                 forces += sole_force(place.translation, place.rotation, wrench)
-            level = min(float(place.translation[2]) for place in places)
+            level = min((float(place.translation[2]) for place in places), default=level)
         picture = Picture(self._time, target=np.array(robot.com))
         picture.add_balance(self.scale, picture.target, level, zmp_of(total, level))
         picture.marks += force_marks(self.scale, forces)
@@ -206,12 +210,14 @@ class ShownRun:
         ending: How the run has ended; empty before.
     """
 
-    stage: RunStage
+    stage: Stage
 
     def __init__(
         self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
     ) -> None:
         """Take the parts that are shown; see `View` for what they may be."""
+        if program is not None and not isinstance(program, Program):
+            raise InputError(f"a view shows the states of a Program, got {program!r}")
         control = program.control if control is None and program is not None else control
         if control is not None and not isinstance(control, (Control, Controller)):
             raise InputError(f"a view shows a control or a Controller, got {control!r}")
@@ -232,6 +238,9 @@ class ShownRun:
                 "a view shows a plant or a MujocoLoop, or the description of a robot without a walk, whose states are "
                 f"given to update(robot); got {source!r}"
             )
+        own = self.stage.robot if self.controller is None else self.controller.robot
+        if own.joint_names != self.stage.robot.joint_names:
+            raise InputError(f"a view of '{self.stage.title}' cannot show a control of '{own.name}'")
 
     def add_texts(self, picture: Picture) -> None:
         """Add to a picture the state of program and control, and the end of the run."""

@@ -73,6 +73,7 @@ class Workbench(View):
     def ended(self, how: str) -> bool:
         """Show on the page how the run has ended; return True if the user asks for a restart, False otherwise."""
         answers: deque[bool] = deque()
+        super().ended(how)
         self._show()
         gui = self._panel.gui
         with (folder := gui.add_folder("the run has ended", order=-2.0)):
