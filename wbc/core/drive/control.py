@@ -24,7 +24,7 @@ from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive
-from wbc.core.drive.failures import FailurePolicy, FailureRecord, HeldCommand
+from wbc.core.drive.failures import FailurePolicy, FailureRecord, at_rest
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
 from wbc.core.drive.status import FEET_STAY, balance_lost, status_of
@@ -216,7 +216,7 @@ class DriveControl(Control):
         self.gate = CommandGate(robot, dt)
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(robot.na)  # of the last solution
-        self._held = HeldCommand(robot.na)
+        self._held: Command | None = None  # the last command of a law, in ticks of laws
 
     def share(self, other: DriveControl) -> None:
         """Drive a robot in turns with other drives: have their estimate, checks, failures, clock and gate from now on.
@@ -244,8 +244,7 @@ class DriveControl(Control):
     def _begin(self) -> None:
         """Begin where the robot is, without a last solution or command."""
         self.controller.reset()
-        self._torques = np.zeros_like(self._torques)
-        self._held.forget()
+        self._torques, self._held = np.zeros_like(self._torques), None
         self.gate.reset(self.controller.robot.q[7:])
 
     @property
@@ -344,8 +343,7 @@ class DriveControl(Control):
                 shape (6,), N and Nm, in the frame of the contact; for example the desired wrenches of a stabilizer
                 (`StabilizerTask.wrenches`).
         """
-        self._held.forget()
-        acceleration = None
+        self._held = acceleration = None
         if self.damped:
             command = self._damp(state)
         elif not state.ok or (solution := self._solve(state, wrenches)) is None:
@@ -376,12 +374,12 @@ class DriveControl(Control):
             except Exception as error:  # of a law of the user's own
                 state = self.refuse(state, error)
             else:
-                self._held.keep(asked)
+                self._held = asked.copy()  # its arrays belong to who gets it
                 self._record.good()
                 return self._finish(command)
-        if self._held.empty:
+        if self._held is None:
             return self._finish(self._hold(state))
-        return self._finish(self._held.at_rest(self.gate, self._record.damping, self.joints(state)))
+        return self._finish(at_rest(self._held, self.gate, self._record.damping, self.joints(state)))
 
     def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.

@@ -1,9 +1,8 @@
-"""Failures of ticks: the reaction to them, their record, and the last command of a law, which is held meanwhile."""
+"""Failures of ticks: the reaction to them, their record, and the last command of a law, held at rest meanwhile."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -79,43 +78,16 @@ class FailureRecord:
             logger.error("tick failed (%s)%s", reason, state, exc_info=error)
 
 
-class HeldCommand:
-    """Last command of a law that is not the QP's, which is held at rest in ticks that fail."""
+def at_rest(command: Command, gate: CommandGate, damping: Array, measured: tuple[Array, Array]) -> Command:
+    """Return the last command of a law with a velocity reference of zero, within the limits of the gate.
 
-    def __init__(self, joints: int) -> None:
-        """Hold nothing yet, of a robot with some number of joints."""
-        # Torque, position, kp and kd, of which the first ones are held: none, torque, both, or all.
-        self._values, self._held = np.zeros((4, joints)), 0
-
-    @property
-    def empty(self) -> bool:
-        """True if no command is held."""
-        return not self._held
-
-    def forget(self) -> None:
-        """Hold nothing."""
-        self._held = 0
-
-    def keep(self, command: Command) -> None:
-        """Hold a command from now on that the gate has admitted; its arrays belong to who gets it."""
-        parts = [command.joint_torque]
-        if command.joint_position is not None:
-            parts.append(command.joint_position)
-            if command.kp is not None and command.kd is not None:
-                parts += [command.kp, command.kd]
-        self._values[: len(parts)] = parts
-        self._held = len(parts)
-
-    def at_rest(self, gate: CommandGate, damping: Array, measured: tuple[Array, Array]) -> Command:
-        """Return the command with a velocity reference of zero, within the limits of the gate.
-
-        `damping` is that of joints that no servo damps, shape (na,), Nms/rad; `measured` are q and q̇ of the joints, NaN
-        where they are unknown.
-        """
-        torque, position, kp, kd = self._values
-        if self._held == 1:
-            return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
-        still = Command(torque, position, np.zeros_like(position), period=gate.period)
-        if self._held == 4:  # no joint of a torque alone speeds up
-            still = replace(still, kp=kp, kd=np.where(kd > 0.0, kd, damping))
-        return gate.admit(still, measured)
+    `damping` is that of joints that no servo damps, shape (na,), Nms/rad; `measured` are q and q̇ of the joints, NaN
+    where they are unknown.
+    """
+    torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
+    if position is None:
+        return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
+    gains = {} if kp is None or kd is None else {"kp": kp, "kd": np.where(kd > 0.0, kd, damping)}
+    # With gains no joint of a torque alone speeds up.
+    still = Command(torque, position, np.zeros_like(position), period=gate.period, **gains)
+    return gate.admit(still, measured)

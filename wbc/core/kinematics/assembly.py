@@ -173,10 +173,6 @@ class VelocityAssembly(RowStore):
         self.damping = damping
         self._write_diagonal(damping)
 
-    def error_gain(self, task: Task) -> Array:
-        """Return the velocity per error, 1/s, shape (dim,)."""
-        return self._gain[self.places[task.name]]
-
     @property
     def present(self) -> list[Block]:
         """Rows of all tasks, and of the contacts that hold their frames."""

@@ -183,22 +183,18 @@ class Barrier(Limit):
         """Fill rows and rooms for an order and its period, s, which is 0 for a step.
 
         Returns:
-            Speeds of the coordinates at zero generalised velocity, shape (dim,); None for none.
+            For accelerations the speeds of the coordinates, for velocities those at zero generalised velocity, shape
+            (dim,); None for none.
         """
         self.measure(rows, room[1], room[0])
-        return None
-
-    def _speeds(self, rows: Array) -> Array:
-        """Return the speeds of the coordinates, shape (dim,)."""
-        return np.asarray(rows.dot(self._robot.v))
+        return np.asarray(rows.dot(self._robot.v)) if order == "acceleration" else None
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the acceleration; see `Limit.write`."""
         if dt != self._dt:
             self._take_period(dt)
         room, speed = self.__room, self.__speed
-        self._measure(rows, room, "acceleration", dt)
-        speed[0] = self._speeds(rows)
+        speed[0] = self._measure(rows, room, "acceleration", dt)
         np.negative(speed[0], out=speed[1])
         bound = self._final_speeds(room, speed, self.__bound)
         bound -= speed

@@ -298,9 +298,6 @@ class CollisionLimit(Barrier):
         twists, beside = self._robot.joint_jacobians.dot(self._motions), self._scene.twists()
         return np.asarray(twists if beside is None else twists + beside)
 
-    def _speeds(self, rows: Array) -> Array:
-        return self._growth
-
     def drift(self) -> Array:
         """Return the accelerations of the distances; see `Barrier.drift`."""
         return self._drift(self._near)

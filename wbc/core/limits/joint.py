@@ -16,7 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, one_or_each
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import ATTAINABLE, OPTIONS, ZERO, Barrier, Limit
+from wbc.core.limits.base import ATTAINABLE, OPTIONS, ZERO, Barrier, Limit, Order
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -232,8 +232,9 @@ class JointLimits(Barrier):
     def drift(self) -> None:
         """Return nothing: the rows of joints never change."""
 
-    def _speeds(self, rows: Array) -> Array:
-        return self._velocities
+    def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
+        self.measure(rows, room[1], room[0])
+        return self._velocities if order == "acceleration" else None
 
     def _take_period(self, dt: float) -> None:
         super()._take_period(dt)

@@ -251,7 +251,3 @@ class Assembly(RowStore):
         if released is not None:
             kept[released.index] = torques[released.index]
         return kept
-
-    def error_gain(self, task: Task) -> Array:
-        """Return the acceleration per error, 1/s², shape (dim,)."""
-        return task.stiffness

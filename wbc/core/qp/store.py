@@ -115,6 +115,7 @@ class RowStore:
         self._numbers = RowNumbers.zeros(n)
         self._error, self._drift = np.zeros(n), np.zeros(n)
         self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
+        self._gain: Array = self._numbers.stiffness
         p.soft_weight = self._numbers.weight[n_eq - self._start : qp.stop - self._start]
 
         self.places: dict[str, slice] = {}
@@ -308,7 +309,8 @@ class RowStore:
 
     def error_gain(self, task: Task) -> Array:
         """Return what a task asks for per error, shape (dim,): velocity, 1/s, or acceleration, 1/s²."""
-        raise NotImplementedError
+        rows = self.places[task.name]
+        return np.asarray(self._gain[rows.start - self._start : rows.stop - self._start])
 
     def error_of(self, task: Task) -> Array:
         """Return the error of a task at the last tick, shape (dim,), a copy; zero for one that is not there."""
