@@ -198,7 +198,7 @@ def test_a_clip_is_played_once_by_its_robot_with_its_period(steps: MotionClip) -
             WalkingControl(robot, source, dt, tracking_settings())
     WalkingControl(robots[0], source, DT, tracking_settings())
     source.update(SimpleNamespace(time=DT, load=np.zeros(2)))  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="has played"):
+    with pytest.raises(InputError, match="has had a control"):
         WalkingControl(robots[0].clone(), source, DT, tracking_settings())
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from point_mass import SCALE
 from standing_hands import measure
 
 import wbc
@@ -17,14 +18,18 @@ from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.check import check_plan
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.sources import PlanSource, Standing, next_steps
 from wbc.walking.source import StandSource
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import (
     AreaConstants,
     SteppingConstants,
+    SteppingSettings,
     SwingConstants,
     TimeConstants,
     TouchConstants,
@@ -75,6 +80,12 @@ def bound() -> Arms:
     return arms
 
 
+def checks(count: object) -> None:
+    planner = PlanSource(START)
+    planner.to_check = count  # type: ignore[assignment]
+    next_steps(planner, Standing(START, None, 0, False, 0.0))
+
+
 def one_handed() -> WalkingControl:
     given = wbc.load_robot("hrp4_class")
     description = replace(given, hands={"right_hand": given.hands["right_hand"]})
@@ -85,6 +96,13 @@ AHEAD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: Footstep("middle", 0.0, 0.0), "middle"),
+    (lambda: Footstep("left", [1.0], 0.0), "x of a footstep"),  # type: ignore[arg-type]
+    (lambda: LipmWalk(ROBOT, START, 0.78, -1.0), "dt of LipmWalk"),
+    (lambda: LipmWalk(ROBOT, START, 0.78, DT, extent=(1.0, -1.0, -1.0, 1.0)), "extent of LipmWalk"),
+    (lambda: SteppingWalk.of(ROBOT, -1.0), "dt of SteppingWalk.of"),
+    (lambda: SteppingWalk.of(ROBOT, DT, extent=(1.0, -1.0, -1.0, 1.0)), "extent of SteppingWalk"),
+    (lambda: SteppingWalk(SteppingSettings(), SCALE, NAN, DT), "heading of SteppingWalk"),
+    (lambda: check_plan(START, None, (0.0, 0.0, -1.0, 1.0)), "extent of check_plan"),
     (lambda: Gait(takeoff_time=0.3, landing_time=0.3), "single"),
     (lambda: Gait(single_support=0.01, takeoff_time=0.0, landing_time=0.0), "at least 0.1 s"),
     (lambda: step(3.0, 0.0875), "forward by 3.000 m"),
@@ -126,6 +144,8 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
     (lambda: walking().hands.point("left_hand", NAN, 0.5), r"ahead of Hands.point"),
     (lambda: bound().place("box", None), "release left_hand first"),
+    (lambda: checks(-1), "to_check of a planner is"),
+    (lambda: checks(0.5), "to_check of a planner is"),
     (lambda: one_handed().hands.heading, "left_hand"),
     (lambda: SteppingConstants(area=AreaConstants(box=(2.0, 0.1))), "box of SteppingConstants"),
     (lambda: SwingConstants(touch=NAN), "touch must be a finite number"),

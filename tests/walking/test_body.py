@@ -358,7 +358,7 @@ def test_a_trunk_without_a_neck_turns_to_a_point_as_far_as_it_goes(heading: floa
 
 
 @pytest.mark.parametrize("turn", [0.05, -0.05, 0.3, -0.3])
-@pytest.mark.parametrize("angle", [1.0, -1.0])
+@pytest.mark.parametrize("angle", [1.0, -1.0, 1.7, -1.7])
 def test_a_trunk_turns_to_the_end_on_the_side_of_a_point_beside_the_robot(turn: float, angle: float) -> None:
     robot = load_robot("g1").robot()
     body, com = WalkingControl(robot, FootstepPlan.standing(robot), DT).body, np.array(robot.com)
@@ -369,17 +369,20 @@ def test_a_trunk_turns_to_the_end_on_the_side_of_a_point_beside_the_robot(turn: 
     assert body.turn == math.copysign(0.3, angle)
 
 
-def test_a_trunk_without_a_neck_looks_at_a_point_once_it_is_turned_there() -> None:
+@pytest.mark.parametrize("told", [1, 400])
+def test_a_trunk_without_a_neck_looks_at_a_point_once_it_is_turned_there(told: int) -> None:
+    """Told once or in every tick, to a point that moves a little."""
     robot = load_robot("g1").robot()
     body, com = WalkingControl(robot, FootstepPlan.standing(robot), DT).body, np.array(robot.com)
-    body.look_at(com + (2.0 * math.cos(0.4), 2.0 * math.sin(0.4), 0.0))
-    looking, before = [], 0.0
-    for _ in range(400):
+    looking = []
+    for tick in range(400):
+        if tick < told:
+            far = 2.0 + 1e-3 * tick
+            body.look_at(com + (far * math.cos(0.4), far * math.sin(0.4), 0.0))
+        looking.append(body.looking)
         body.update(0.0)
         twist = body.twist
-        assert body.looking == (abs(0.4 - before) < 0.05 and abs(twist.rate) < 0.2)
-        looking.append(body.looking)
-        before = twist.angle
+        assert body.looking == (abs(0.4 - twist.angle) < 0.05 and abs(twist.rate) < 0.2)
     assert looking[-1] and not looking[5]
     assert body.turn == pytest.approx(0.4) and body.reached
 

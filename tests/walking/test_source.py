@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +16,24 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.base.settings import changed
+from wbc.core.drive.control import Mode
+from wbc.core.robot import Robot
 from wbc.robots import load
-from wbc.walking import GaitPhase, Reference, StandSource, State, WalkingControl, WalkingControlSettings
-from wbc.walking.source import Progress, WholeBody
+from wbc.walking import (
+    FootstepPlan,
+    GaitPhase,
+    Reference,
+    StandSource,
+    State,
+    WalkingControl,
+    WalkingControlSettings,
+)
+from wbc.walking.assembly import planned_walk
+from wbc.walking.source import Progress, ReferenceSource, WholeBody
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants
 
-DESCRIPTION = load("hrp4_class")
+DESCRIPTION, DT = load("hrp4_class"), 0.005
 
 
 class Sway(StandSource):
@@ -106,12 +118,36 @@ def test_a_stop_is_no_error_with_a_source_that_cannot_be_steered() -> None:
     assert walking.drives.failures == 0
 
 
+MADE: dict[str, tuple[Callable[[Robot], ReferenceSource], Mode]] = {
+    "free steps": (lambda robot: SteppingWalk.of(robot, DT), "torque"),
+    "planned steps": (
+        lambda robot: planned_walk(robot, FootstepPlan.standing(robot), DT, WalkingControlSettings(), None),
+        "position",
+    ),
+    "a stand": (StandSource, "position"),
+    "one's own": (Sway, "torque"),
+}
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_a_used_source_or_one_of_another_robot_or_period_is_refused(kind: str) -> None:
+    make, mode = MADE[kind]
+    robot, settings = DESCRIPTION.robot(), WalkingControlSettings(mode=mode)
+    source = make(robot)
+    with pytest.raises(InputError, match="is made for another robot"):
+        WalkingControl(DESCRIPTION.robot(), source, DT, settings)
+    if source.made_for[1] is not None:
+        with pytest.raises(InputError, match="is made for a period of 0.005 s"):
+            WalkingControl(robot, source, 0.002, settings)
+    assert WalkingControl(robot, source, DT, settings).source is source, "it is as new"
+    with pytest.raises(InputError, match="has had a control: make another one"):
+        WalkingControl(robot, source, DT, settings)
+
+
 def test_free_steps_are_for_a_control_that_takes_them() -> None:
-    robot, torque = DESCRIPTION.robot(), WalkingControlSettings(mode="torque")
-    gait = SteppingWalk.of(robot, 0.005)
-    for dt, settings in ((0.005, None), (0.004, torque)):
-        with pytest.raises(InputError, match="free steps"):
-            WalkingControl(robot, gait, dt, settings)
+    robot = DESCRIPTION.robot()
+    with pytest.raises(InputError, match="free steps"):
+        WalkingControl(robot, SteppingWalk.of(robot, DT), DT)
 
 
 def test_free_steps_of_ones_own_walk_by_their_constants() -> None:

@@ -115,7 +115,7 @@ class MotionSource(ReferenceSource):
             InputError: The robot leaves the ground in the clip (the message has the time), or it does not stand as in
                 the first frame.
         """
-        self._robot, self._dt = robot, dt
+        self.made_for, self._dt = (robot, dt), dt
         q = clip.configurations(robot)
         motion = BodyMotion.of(robot, q, clip.rate)
         _, standing = find_contacts(motion, clip.standing)
@@ -133,7 +133,7 @@ class MotionSource(ReferenceSource):
         self.com_height = min(float(robot.com[2]) - ground, Leg(robot).bent_height(DriveSettings().stretch))
         self.clip = placed(clip, motion.soles[0], (left, right))
         self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
-        self.tick, self._used = 0, False
+        self.tick = 0
         self._feet = [TrackedFoot(sole, dt) for sole in soles]
         self._load, self._ahead = TOUCH_DOWN * robot.mass * GRAVITY, round(EARLY / dt)
 
@@ -147,20 +147,9 @@ class MotionSource(ReferenceSource):
         """Number of landings so far."""
         return sum(foot.landings for foot in self._feet)
 
-    def check_use(self, robot: Robot, dt: float) -> None:
-        """See `ReferenceSource.check_use`: the references are those of one robot, with one period, from one place."""
-        if robot is not self._robot or dt != self._dt or self._used:
-            had = (
-                "has played" if self._used else f"is made for {self._robot!r} and a period of {self._dt:g} s"
-            )
-            raise InputError(
-                f"the clip of a source is played once, by its robot and with its period, and this source {had}: make "
-                "another one"
-            )
-
     def update(self, state: State) -> Reference:
         """Return the references of this tick, and land or lift the feet."""
-        self._used, last = True, len(self.motion) - 1
+        last = len(self.motion) - 1
         self.tick = i = min(round(state.time / self._dt), last)
         given, soon = self.motion[i], self.motion[min(i + self._ahead, last)].progress.contact
         bears = [load > self._load for load in state.load.tolist()]

@@ -7,7 +7,6 @@ from dataclasses import fields, replace
 import numpy as np
 
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import finite_array
 from wbc.core.drive.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import HybridControl, TorqueControl
@@ -57,27 +56,17 @@ def source_of(
     """Return the source of the references: that of the steps of the mode, or the user's own.
 
     Raises:
-        InputError: Free steps in position control, or made for another control period; a source that refuses its use;
-            an extent of the ground for a source of one's own, or one whose limits are not in order; a plan that cannot
-            be walked.
+        InputError: Free steps in position control; a source that refuses its use; an extent of the ground for a source
+            of one's own; a plan that cannot be walked.
     """
     s = settings
-    if extent is not None:
-        low_x, high_x, low_y, high_y = finite_array("extent of the ground (m)", extent, (4,))
-        if not (low_x < high_x and low_y < high_y):
-            raise InputError(
-                f"extent of the ground is smallest and largest x, smallest and largest y (m), got {tuple(extent)}"
-            )
-        if isinstance(source, ReferenceSource):
+    if isinstance(source, ReferenceSource):
+        if extent is not None:
             raise InputError(
                 f"an extent of the ground is for footsteps, not for {shown(source)}: leave it out"
             )
-    if isinstance(source, SteppingWalk) and not (s.free and source.dt == dt):
-        raise InputError(
-            f"free steps of {source.dt:g} s a period need torque or hybrid control of the same period, got {s.mode} "
-            f"control of {dt:g} s"
-        )
-    if isinstance(source, ReferenceSource):
+        if isinstance(source, SteppingWalk) and not s.free:
+            raise InputError(f"free steps need torque or hybrid control, got {s.mode} control")
         source.check_use(robot, dt)
         return source
     plan = FootstepPlan.standing(robot) if source is None else source

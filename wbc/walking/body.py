@@ -58,6 +58,10 @@ GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 30.0, 0.3
 NEAREST = 0.3
 """Horizontal distance of a point from the CoM from which on a trunk turns to it, m: below, its direction whirls."""
 
+BEHIND = 0.75 * math.pi
+"""Direction from which on a point counts as behind the robot, rad: the trunk keeps its side there, where the direction
+changes its sign."""
+
 ARRIVED = 1e-3
 """Distance from a set-point, m and rad, below which it counts as reached."""
 
@@ -100,7 +104,7 @@ class Body:
 
     __slots__ = (
         "_controller", "_robot", "_source", "_dt", "_nominal", "_reaching", "_most_turn", "_waist", "_neck", "_lowest",
-        "_goal", "_now", "_rate", "_acceleration", "_gaze", "_point", "_off", "active",
+        "_goal", "_now", "_rate", "_acceleration", "_gaze", "_point", "_heading", "active",
     )  # fmt: skip
 
     def __init__(
@@ -128,7 +132,7 @@ class Body:
         self._lowest: float | None = None
         self._gaze: LookAtTask | None = None  # of a neck
         self._point: Array | None = None  # that the trunk of a robot without a neck turns to
-        self._off = math.inf  # of the trunk from its direction, rad
+        self._heading = math.nan  # of the walk in the last tick in which it was active, rad
         self.active = False
 
     def begin(self) -> None:
@@ -210,7 +214,8 @@ class Body:
             return
         place = finite_array("point to look at (m)", point, (3,))
         if not self._neck:
-            self._point, self._off, self.active = place, math.inf, True
+            self._heading = self._heading if self.active else math.nan
+            self._point, self.active = place, True
             return
         if self._gaze is None:
             self._gaze = self._controller.add(_gaze_task(self._robot, place))
@@ -225,7 +230,8 @@ class Body:
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
         if self._point is not None:
-            return self._off < LOOKS[0] and abs(float(self._rate[3])) < LOOKS[1]
+            off = self._direction(self._point) - float(self._now[3])
+            return abs(off) < LOOKS[0] and abs(float(self._rate[3])) < LOOKS[1]
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 
@@ -242,8 +248,9 @@ class Body:
 
     def update(self, heading: float) -> None:
         """Move on by one tick, while `active`, with the heading of the walk, rad."""
-        if self._point is not None:
-            self._turn_to(self._point, heading)
+        self._heading = heading
+        if self._point is not None and math.dist(self._point[:2], self._robot.com[:2]) >= NEAREST:
+            self._turn_to(self._direction(self._point))
         before, displacement = self._rate, self._goal - self._now
         if not (displacement.any() or before.any()):
             self._acceleration = np.zeros(4)
@@ -257,17 +264,16 @@ class Body:
         if np.abs(displacement).max() < ENDED[0] and np.abs(rate).max() < ENDED[1]:
             self._now, self._rate = self._goal.copy(), np.zeros(4)
 
-    def _turn_to(self, point: Array, heading: float) -> None:
-        """Turn to a point, or to the end of the range on its side; at an end the trunk stays for a point behind it."""
+    def _direction(self, point: Array) -> float:
+        """Return the direction of a point against the heading, rad."""
         x, y, _ = point - self._robot.com
-        if math.hypot(x, y) < NEAREST:
-            return
-        angle, most = math.remainder(math.atan2(y, x) - heading, math.tau), self._most_turn
-        stays = abs(self._goal[3]) >= most and abs(angle) > 0.5 * math.pi
-        self._goal[3] = (
-            angle if abs(angle) <= most else math.copysign(most, self._goal[3] if stays else angle)
-        )
-        self._off = abs(angle - float(self._now[3]))
+        return math.remainder(math.atan2(y, x) - self._heading, math.tau)
+
+    def _turn_to(self, angle: float) -> None:
+        """Turn to a direction, or to the end of the range on its side; for one behind it the trunk stays at an end."""
+        most, goal = self._most_turn, float(self._goal[3])
+        stays = abs(goal) >= most and abs(angle) > BEHIND
+        self._goal[3] = angle if abs(angle) <= most else math.copysign(most, goal if stays else angle)
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum at the height that is set, with the ω of that height.

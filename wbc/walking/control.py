@@ -51,6 +51,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
+from wbc.walking.plans.check import Extent
 from wbc.walking.plans.footsteps import FootstepPlan, Place, check_start
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -115,7 +116,7 @@ class WalkingControl(SteeredControl):
         *,
         observer: Observer | None = None,
         stiffness: StiffnessScheduler | None = None,
-        extent: tuple[float, float, float, float] | None = None,
+        extent: Extent | None = None,
         ground: KnownGround | None = None,
         limits: Sequence[Limit] = (),
     ) -> None:
@@ -124,8 +125,9 @@ class WalkingControl(SteeredControl):
         Args:
             robot: The standing robot. It becomes the commanded robot in position control, and the estimated robot in
                 torque and hybrid control.
-            source: Footstep plan, whose timings are rounded to the control period, or any source of references that was
-                made with the same robot. With None the robot stands until it is steered.
+            source: Footstep plan, whose timings are rounded to the control period, or a source of references that was
+                made with the same robot and period, and that no other control has had. With None the robot stands until
+                it is steered.
             dt: Control period, s.
             settings: Settings; the defaults when None.
             observer: Observer of the robot's state; a new one when None. Free steps replace those of its time constants
@@ -179,6 +181,7 @@ class WalkingControl(SteeredControl):
             if self.balance is None:
                 self.follow(source)
             self._asked = source
+        walk.used = True
 
     def __repr__(self) -> str:
         robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
@@ -404,7 +407,8 @@ class WalkingControl(SteeredControl):
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        self._order(checked_velocity(velocity))
+        wanted = checked_velocity(velocity)
+        self._order(wanted)
 
     @property
     def granted_velocity(self) -> Velocity:

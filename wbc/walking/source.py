@@ -136,6 +136,8 @@ class ReferenceSource(ABC):
         ground: Known ground for landings; None for a source that decides no landings.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
+        made_for: Robot and control period, s, for which the references are made; None for any.
+        used: True once the source has a control.
     """
 
     progress = Progress()
@@ -146,6 +148,8 @@ class ReferenceSource(ABC):
     ground: GroundEstimate | None = None
     steering: Steering | None = None
     planner: FootstepSource | None = None
+    made_for: tuple[Robot | None, float | None] = (None, None)
+    used = False
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -156,8 +160,21 @@ class ReferenceSource(ABC):
                 its policy.
         """
 
-    def check_use(self, robot: Robot, dt: float) -> None:  # noqa: B027 - most sources are for any
-        """Raise an `InputError` if the source is not for a control of this robot with a period, s, or has been used."""
+    def check_use(self, robot: Robot, dt: float) -> None:
+        """Raise an `InputError` unless the source is new, and made for a control of this robot with a period, s."""
+        own, period = self.made_for
+        if self.used:
+            had = "has had a control"
+        elif own is not None and own is not robot:
+            had = f"is made for another robot, {own!r}"
+        elif period is not None and period != dt:
+            had = f"is made for a period of {period:g} s, and that of the control is {dt:g} s"
+        else:
+            return
+        raise InputError(
+            f"a source is for one control, of the robot and with the period that it is made for; this "
+            f"{type(self).__name__} {had}: make another one with the robot and the period of this control"
+        )
 
     @property
     def finished(self) -> bool:
@@ -209,6 +226,7 @@ class StandSource(ReferenceSource):
         Args:
             robot: Robot with two soles.
         """
+        self.made_for = robot, None
         self.com, self.heading = robot.com.copy(), heading(robot.placement(robot.base_frame).rotation)
         self.places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
 

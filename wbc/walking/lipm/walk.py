@@ -17,10 +17,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import pinocchio as pin
 
+from wbc.base.checked import checked
 from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Period, Positive
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -113,12 +116,13 @@ class LipmWalk(ReferenceSource):
     ground: GroundEstimate
     steering: Steering
 
+    @checked
     def __init__(
         self,
         robot: Robot,
         plan: FootstepPlan,
-        com_height: float,
-        dt: float,
+        com_height: Annotated[Positive, "m"],
+        dt: Period,
         settings: WalkSettings | None = None,
         *,
         drive: DriveSettings | None = None,
@@ -131,7 +135,7 @@ class LipmWalk(ReferenceSource):
         An `InputError` for a plan that cannot be walked on a ground of an extent, m; None is endless.
         """
         self.settings = s = settings or WalkSettings()
-        self.com_height = com_height
+        self.com_height, self.made_for = com_height, (robot, dt)
         self.reach, self._robot = reach or Reach.of(robot, com_height), robot
         for note in plan.gait.on_grid(dt)[1]:  # of what is given
             logger.warning("%s", note)

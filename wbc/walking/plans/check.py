@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
+
+from pydantic import AfterValidator
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
+from wbc.base.settings import Number
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Index
 from wbc.walking.plans.gait import StepGait
@@ -19,8 +23,15 @@ FAR = 1e4
 """Size from which a number is written in powers of ten in a message, m or rad."""
 
 
-Extent = tuple[float, float, float, float]
-"""Least and greatest x, least and greatest y of the ground, m."""
+def _in_order(extent: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    low_x, high_x, low_y, high_y = extent
+    if not (low_x < high_x and low_y < high_y):
+        raise ValueError(f"must be smallest and largest x, smallest and largest y, got {extent}")
+    return extent
+
+
+Extent = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_in_order), "m"]
+"""Smallest and largest x, smallest and largest y of the ground, m."""
 
 
 class OutOfReachError(InputError):

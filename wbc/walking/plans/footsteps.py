@@ -70,7 +70,10 @@ class Footstep:
     fixed: bool = False
 
     def __post_init__(self) -> None:
-        numbers = self.x + self.y + self.z + self.yaw + self.pitch + self.roll
+        try:
+            numbers = self.x + self.y + self.z + self.yaw + self.pitch + self.roll
+        except TypeError:
+            numbers = math.nan
         sound = self.side in SIDES and isinstance(self.fixed, bool)
         if type(numbers) is float and math.isfinite(numbers) and sound:
             return  # by far the most: walks make one in every tick

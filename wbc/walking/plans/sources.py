@@ -228,6 +228,8 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
     to_check, plan, order = planner.to_check, planner.footsteps(now), planner.order
     checked_velocity(planner.granted)
     finite_scalar("pace of a planner (m/s)", planner.pace, low=0.0)
+    if to_check is not None and not (isinstance(to_check, int) and to_check >= 0):
+        raise InputError(f"to_check of a planner is a number of steps or None, got {shown(to_check)}")
     try:
         hash(order)
     except TypeError:

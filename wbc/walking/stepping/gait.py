@@ -22,8 +22,10 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 from wbc.base.checked import checked
+from wbc.base.settings import Angle, Period, Positive
 from wbc.base.vectors import Point, along
 from wbc.core.drive.control import State
 from wbc.core.frames import heading
@@ -85,12 +87,13 @@ class SteppingWalk(ReferenceSource):
     ground: GroundEstimate
     steering: PathSteering
 
+    @checked
     def __init__(
         self,
         settings: SteppingSettings,
         scale: RobotSize,
-        heading: float,
-        dt: float,
+        heading: Angle,
+        dt: Period,
         reach: Reach | None = None,
         extent: Extent | None = None,
         constants: SteppingConstants | None = None,
@@ -102,6 +105,7 @@ class SteppingWalk(ReferenceSource):
         """
         self._values = GaitValues.of(settings, constants or SteppingConstants(), scale, dt)
         self.settings, self.constants, self.scale, self.dt = self._values
+        self.made_for = None, dt
         self.com_height, self.reach, self._extent = scale.height, reach, extent
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
         self.ground = GroundEstimate(self.constants.swing.ground_share, 0.0, scale.leg / 3.0)
@@ -111,9 +115,9 @@ class SteppingWalk(ReferenceSource):
     @checked
     def of(
         robot: Robot,
-        dt: float,
+        dt: Period,
         settings: SteppingSettings | None = None,
-        com_height: float | None = None,
+        com_height: Annotated[Positive, "m"] | None = None,
         extent: Extent | None = None,
         constants: SteppingConstants | None = None,
     ) -> SteppingWalk:
@@ -124,7 +128,9 @@ class SteppingWalk(ReferenceSource):
         s = settings or SteppingSettings()
         towards = heading(robot.placement(robot.base_frame).rotation)
         scale = RobotSize.of(robot, s.bend, com_height)
-        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent, constants)
+        walk = SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent, constants)
+        walk.made_for = robot, dt
+        return walk
 
     def begin(self, heading: float, joins: tuple[Sequence[float], Sequence[float]] | None = None) -> None:
         """Begin where the robot is now, with a heading, rad; all steps and orders before are forgotten.
