@@ -61,8 +61,11 @@ FILTER_TIME, SLOW_TIME = 0.05, 1.0
 slow one shifts the CoM for hands that grip, and is the feed-forward of their arms. The rest shifts the ZMP."""
 
 LEAST_WAY = 0.01
-"""Length of the part of a way along a surface, or towards it, below which the hand goes straight, m; change of a place,
-m, or of a direction, rad, with which the hand goes on as it goes."""
+"""Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
+
+SAME_WAY = (0.02, 0.1)
+"""Change of a place, m, and of a direction, rad, up to which a hand that is on its way goes on as it does: orders by a
+camera change in every tick."""
 
 PRESS_WEIGHT, GRIP_WEIGHT = 1.0, 100.0
 """Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
@@ -102,10 +105,6 @@ class HandSettings:
         ramp: Duration of the increase, decrease or change of a force, s.
         lag: Delay T of force sensor and servos together, s. The admittance is 1 / (4 T K), with the stiffness K of the
             arm's servos at the hand.
-        edge: Share of the distance to the edge of the soles by which the ZMP moves for planned forces before the CoM
-            moves. A larger share needs less shift of the CoM, and leaves less margin against disturbances.
-        help: Share of the missing moment of the feet that pressing hands supply where a stabilizer balances the robot,
-            as in position control; with 0 the trunk supplies it.
         share: Share of an arm's torque limits that a force may use, in addition to the weight of the arm.
         margin: Distance that the DCM must keep from the edge of the soles if a force is lost suddenly, m.
     """
@@ -116,8 +115,6 @@ class HandSettings:
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
     lag: Annotated[Positive, "s"] = 0.02
-    edge: Share = 0.0
-    help: Share = 0.0
     share: Share = 0.9
     margin: Annotated[NonNegative, "m"] = 0.01
 
@@ -207,11 +204,6 @@ class Hand:
         return np.concatenate((push, np.cross(self.measured.act(self.tip), push)))
 
     @property
-    def helps(self) -> bool:
-        """True while the balance may ask the hand for more force: from its contact until its release."""
-        return self.state is HandState.HOLD and self.ordered > 0.0
-
-    @property
     def at_work(self) -> bool:
         """True while the hand presses, grips, or goes to where it is to, or a lost force is being faded out."""
         return self.state not in (HandState.FREE, HandState.LOST) or self.force.ramp.value > 0.0
@@ -226,7 +218,7 @@ class Hand:
         """Take an order to press, `HandState.HOLD`, or to grip, `GRIP`, with a force or its limit, N.
 
         A hand that does so already stays where it is; see `Hands.press` and `Hands.grip`. One on its way there goes on,
-        unless place or direction differ from those of its way by more than `LEAST_WAY`. Without a place it approaches
+        unless place or direction differ from those of its way by more than `SAME_WAY`. Without a place it approaches
         the surface from where it is.
         """
         if self.state is then:
@@ -237,7 +229,7 @@ class Hand:
             return
         comes = self.state in (HandState.REACH, HandState.APPROACH) and then is self._then
         far = math.inf if at is None or self._at is None else math.dist(at, self._at)
-        if comes and (far < LEAST_WAY or at is self._at) and math.dist(direction, self._came) < LEAST_WAY:
+        if comes and (far < SAME_WAY[0] or at is self._at) and math.dist(direction, self._came) < SAME_WAY[1]:
             self.ordered, self.direction = force, direction
             return
         items = (self.grasp, self._wrench) if then is HandState.GRIP else (self.contact, self._force)
@@ -346,15 +338,15 @@ class Hand:
             self._turn.advance(self._dt)
             self.direction = pin.exp3(self._turn.value) @ self._came
             self.contact.normal = -self.direction
-        force, asked, ends = self.force, self._force.target, self.ordered == 0.0
+        force, asked = self.force, self._force.target
         given = asked if chosen is None else chosen
-        self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt, ends=ends)
+        self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt)
         if force.is_lost(self.pressed, self._touch, self._dt):
             self._lose()
-        elif ends and force.ramp.value == 0.0:
+        elif self.ordered == force.ramp.value == 0.0:
             self._free()
         else:
-            self._force.follow(np.array((0.0, 0.0, force.asked(self._touch))))
+            self._force.follow(np.array((0.0, 0.0, force.ramp.value)))
             target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
             self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
@@ -382,7 +374,6 @@ class Hand:
         """Stop where the hand is, as seen from the feet."""
         self.arm.stop(FEET)
         self._enter(HandState.LOST)
-        self.force.extra = 0.0
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:
