@@ -171,6 +171,5 @@ def build_rigid(
         force_sensor=part(side, "force"),
         torque_sensor=part(side, "torque"),
         range_site=site,
-        range_height=contact.radius,
         contact_geoms=tuple(geoms),
     )

@@ -27,7 +27,6 @@ class FootParts:
         torque_sensor: Reversed moment of the foot on the ankle link about the sole centre, along the axes of the sole,
             Nm.
         range_site: Site under the toe whose z axis is the ray of the range sensor.
-        range_height: Height of `range_site` over the sole in the rest shape, m.
         contact_geoms: Spheres that touch the ground, row by row from the toe, each row from right to left.
         sole_joints: Hinges of the sole about the transverse axis, from the toe to the heel; empty for a rigid
             sole.
@@ -43,7 +42,6 @@ class FootParts:
     force_sensor: str
     torque_sensor: str
     range_site: str
-    range_height: float
     contact_geoms: tuple[str, ...]
     sole_joints: tuple[str, ...] = ()
     variable_joints: tuple[str, ...] = ()

@@ -8,20 +8,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from wbc.base.errors import InputError
-from wbc.base.numbers import finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.foot import FootParts
-
-
-def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    number = mujoco.mj_name2id(model, kind, name)
-    if number < 0:
-        raise InputError(
-            f"the model has no '{name}': it was not compiled from the spec that this foot was built into"
-        )
-    return int(number)
 
 
 class SoleStiffness:
@@ -38,12 +27,8 @@ class SoleStiffness:
 
         `damping` is stiffness (Nm/rad) → damping of the hinges that have it (Nms/rad); it stays when None.
         """
-        if not foot.variable_joints:
-            raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
         self._model = model
-        self._joints = np.array(
-            [_id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in foot.variable_joints]
-        )
+        self._joints = np.array([model.joint(name).id for name in foot.variable_joints])
         self._dofs = model.jnt_dofadr[self._joints]
         self._damping = damping
         self.actuator = StiffnessActuator.instantaneous(high=math.inf) if actuator is None else actuator
@@ -55,9 +40,9 @@ class SoleStiffness:
         """Stiffness of the springs, Nm/rad; the measured value."""
         return float(self._model.jnt_stiffness[self._joints[0]])
 
-    def reset(self, stiffness: float | None = None) -> None:
-        """Set a stiffness at once: the given one, Nm/rad, or the one at the start; see `StiffnessActuator.check`."""
-        self.state = self.actuator.at_rest(self._initial if stiffness is None else stiffness)
+    def reset(self) -> None:
+        """Set the stiffness at the start at once."""
+        self.state = self.actuator.at_rest(self._initial)
         self._write()
 
     def step(self, command: float, duration: float) -> float:
@@ -86,13 +71,11 @@ class RangeFinder:
         seed: int = 0,
     ) -> None:
         """Look up the site; the geom group of the ground, 0 to 5, holds nothing else; a sensor is perfect when None."""
-        group = finite_scalar("geom group of the ground", ground_group, low=0, high=mujoco.mjNGROUP - 1)
-        self._site = _id(model, mujoco.mjtObj.mjOBJ_SITE, foot.range_site)
+        self._site = int(model.site(foot.range_site).id)
         self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-        self._groups[int(group)] = 1
+        self._groups[ground_group] = 1
         self._hit = np.zeros(1, dtype=np.int32)
         self.sampler = RangeSampler(RangeSensor() if sensor is None else sensor, seed)
-        self.range_height = foot.range_height
 
     def distance(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the true distance from the site to the ground along the ray, m; infinite when it hits nothing."""

@@ -70,7 +70,6 @@ class SoftFootBuilder:
             force_sensor=part(self.side, "force"),
             torque_sensor=part(self.side, "torque"),
             range_site=site,
-            range_height=self.foot.hinge_height,
             contact_geoms=geoms,
             sole_joints=hinges,
             variable_joints=hinges[self.foot.front_hinges :],

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, finite_scalar
+from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Positive, settings
 
 
@@ -80,19 +80,9 @@ class AnkleSole:
         return np.asarray(-self.rotation_matrix.T @ np.array(self.translation))
 
     @classmethod
-    def under_ankle(
-        cls,
-        ankle_height: float,
-        length: float,
-        width: float,
-        *,
-        ankle_behind: float = 0.0,
-        spacing: float | None = None,
-    ) -> AnkleSole:
-        """Return a level sole below an upright link "ankle", its centre `ankle_behind` ahead of it; all in m."""
-        finite_scalar("ankle height over the sole (m)", ankle_height, above=0.0)
-        place = ankle_behind, 0.0, -ankle_height
-        return cls("ankle", place, (0.0, 0.0, 0.0, 1.0), length, width, spacing=spacing)
+    def under_ankle(cls, ankle_height: float, length: float, width: float) -> AnkleSole:
+        """Return a level sole below an upright link "ankle", its centre under it; all in m."""
+        return cls("ankle", (0.0, 0.0, -ankle_height), (0.0, 0.0, 0.0, 1.0), length, width)
 
 
 TOE_HEIGHT = 0.02

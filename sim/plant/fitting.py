@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +13,6 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.frames import Sole
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
@@ -77,22 +77,15 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
                     f"one of {own[0]:g} kg, or of another shape; give the description of the robot with its own soles"
                 )
         fitted = fit.sole
-        unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)
-        if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
-            soles.append(sole)
-            continue
-        link, _ = description.attachment(sole.frame)
-        soles.append(
-            Sole(
-                frame=sole.frame if unchanged else f"{sole.name}_fitted",
-                link=sole.link if unchanged else link,
-                translation=sole.translation if unchanged else fitted.translation,
-                rpy=sole.rpy if unchanged else tuple(pin.rpy.matrixToRpy(fitted.rotation_matrix).tolist()),
-                name=sole.name,
-                length=fitted.length,
-                width=fitted.width,
-            )
-        )
+        place: dict[str, Any] = {}
+        if not fitted.placement.isApprox(geometry.placement, ROUNDING):
+            place = {
+                "frame": f"{sole.name}_fitted",
+                "link": description.attachment(sole.frame)[0],
+                "translation": fitted.translation,
+                "rpy": tuple(pin.rpy.matrixToRpy(fitted.rotation_matrix).tolist()),
+            }
+        soles.append(replace(sole, length=fitted.length, width=fitted.width, **place))
     if tuple(soles) == description.soles and inertias == description.foot_inertia:
         return description
     return replace(description, soles=(soles[0], soles[1]), foot_inertia=inertias)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.sole import AnkleSole, bar_inertia, box_inertia
 
-OWN = AnkleSole.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
+OWN = replace(AnkleSole.under_ankle(0.093, 0.160, 0.076), spacing=0.175)
 FITTING = ("rigid", "soft", "long_arch", "variable")
 
 
