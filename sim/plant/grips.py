@@ -85,10 +85,13 @@ class Grips:
         }
 
     def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
-        """Hold a handle where it is now; positions are up to date."""
+        """Hold a handle where it is now, or where the hand holds it already; positions are up to date."""
         self._check(hand)
         choose("handle", handle, self.handles)
         model = self._model
+        grip = int(model.equality(f"{self._owner}{hand} on {handle}").id)
+        if data.eq_active[grip]:
+            return
         site = int(model.site(f"{self._owner}{hand} site").id)
         point: Array = data.site_xpos[self.handles[handle]]
         far = float(np.linalg.norm(point - data.site_xpos[site]))
@@ -96,7 +99,6 @@ class Grips:
             raise InputError(
                 f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"
             )
-        grip = int(model.equality(f"{self._owner}{hand} on {handle}").id)
         for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
             rotation = data.xmat[body].reshape(3, 3)
             model.eq_data[grip, place : place + 3] = (point - data.xpos[body]) @ rotation

@@ -21,6 +21,7 @@ CHANGED = ("mass", "ipos", "iquat", "inertia", "subtreemass", "sameframe")
 class _Load:
     mass: float = 0.0  # now, kg
     target: float = 0.0  # at the end of the ramp, kg
+    over: float = 0.0  # time of the ramp, s
     rate: float = 0.0  # kg/s
 
 
@@ -43,9 +44,17 @@ class Loads:
         return sum(load.mass for load in self._loads.values())
 
     def put(self, body: int, point: Array, mass: float, over: float) -> None:
-        """Ramp the mass of a load, kg, at a point of a body, m, from what it is now over a time, s; 0 is at once."""
+        """Ramp the mass of a load, kg, at a point of a body, m, from what it is now over a time, s; 0 is at once.
+
+        The same order again changes nothing.
+        """
         load = self._loads.setdefault((body, tuple(point.tolist())), _Load())
-        load.target, load.rate = mass, abs(mass - load.mass) / over if over > 0.0 else math.inf
+        if (mass, over) != (load.target, load.over):
+            load.target, load.over, load.rate = (
+                mass,
+                over,
+                abs(mass - load.mass) / over if over > 0.0 else math.inf,
+            )
 
     def clear(self) -> None:
         """Take all loads off; the model is then as it was compiled, bit for bit."""

@@ -506,8 +506,15 @@ def test_a_map_is_doubted_from_when_it_is_given_until_another_one_comes():
     assert not early.status
     ground.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0), frame="odom"))
     assert "odom" in ground.status and np.isnan(ground.at(place)[0]).all()
-    ground.add(ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0)))
+    good = ElevationMap(flat, 0.02, (-1.0, -1.0, 0.0))
+    ground.add(good)
     assert not ground.status and ground.at(place)[0] == 0.0
+    sole = robot.placement(robot.soles[0].frame)
+    ground.stand(0, pin.SE3(sole.rotation, np.array([*sole.translation[:2], 0.01])))
+    raised, version = ground.at(place)[0], ground.version
+    assert raised == pytest.approx(0.007)  # by 0.7 of the difference to the sole that stands
+    ground.add(good)  # the same map again
+    assert ground.at(place)[0] == raised and ground.version == version
 
 
 def test_a_cloud_keeps_its_points_when_their_arrays_are_used_again():

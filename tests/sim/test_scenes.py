@@ -124,6 +124,10 @@ def test_a_hand_reaches_handles_up_to_a_quarter_of_a_metre_away_and_holds_them_w
         for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
             held = data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[grip, place : place + 3]
             np.testing.assert_allclose(held, point, atol=1e-9)
+        before = model.eq_data[grip].copy()
+        data.site_xpos[handle] += 0.3  # it has slipped out of the hand by as much
+        plant.grip("left_hand", "left handle")
+        np.testing.assert_array_equal(model.eq_data[grip], before)
         plant.let_go("left_hand")
         assert not data.eq_active.any()
 

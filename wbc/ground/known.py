@@ -149,7 +149,7 @@ class KnownGround:
             )
 
     def add(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud, which is fused in the next tick, or a map, which replaces the last map.
+        """Take a cloud, which is fused in the next tick, or a map, which replaces the last map unless it is the same.
 
         Args:
             seen: Cloud, or map that is larger than a sole. It is not used if it is too old or in an unknown frame;
@@ -159,6 +159,8 @@ class KnownGround:
             self._clouds += 1
             self._waiting.append(seen)
             del self._waiting[:-WAITING]
+        elif seen is self.elevation:
+            return
         elif isinstance(seen, ElevationMap):
             size = min(seen.heights.shape) * seen.cell
             if size < self._longest:
