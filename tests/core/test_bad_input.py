@@ -121,12 +121,12 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (
         lambda: wbc.FramePositionLimit("torso_link", lower=[np.inf] * 3),
         InputError,
-        "lower and an upper bound",
+        "lower bounds",
     ),
     (
         lambda: wbc.FramePositionLimit("torso_link", upper=[-np.inf] * 3),
         InputError,
-        "lower and an upper bound",
+        "lower bounds",
     ),
     (lambda: pairs("left_foot", "right_foot").distances, InputError, "before it is added"),
     (lambda: again(wbc.TorqueLimits(), wbc.TorqueLimits()), InputError, "torque"),

@@ -1,5 +1,6 @@
 """Gate at the way out of a control: no command leaves that exceeds a torque limit, a joint's range or its speed.
 
+A law with servo gains of its own, such as a policy, may put references beyond a range: only their torque is bounded.
 A command owns its arrays: what a driver does to them changes nothing here.
 """
 

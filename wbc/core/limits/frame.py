@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only, scalar
+from wbc.base.numbers import ROUNDING, Array, finite_array, read_only, scalar
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
 from wbc.core.frames import frame_jacobian, unit_vector
@@ -117,20 +117,14 @@ class FramePositionLimit(FrameLimit):
 
     def _take(self, lower: ArrayLike, upper: ArrayLike) -> None:
         """Take bounds over that are right."""
-        bounds = []
-        for what, bound in (("lower", lower), ("upper", upper)):
-            try:
-                bounds.append(numbers(bound))
-            except (TypeError, ValueError, OverflowError, RecursionError):
-                raise InputError(
-                    f"{what} of limit '{self.name}' must be numbers, got {shown(bound)}"
-                ) from None
-        low, high = bounds
-        shapes = low.shape == high.shape == (self.dim,)
-        if not (shapes and (low <= high).all() and (low < np.inf).all() and (high > -np.inf).all()):
+        low, high = (
+            finite_array(f"{what} of limit '{self.name}'", bound, (self.dim,), unbounded=True)
+            for what, bound in (("lower", lower), ("upper", upper))
+        )
+        if not ((low <= high).all() and (low < np.inf).all() and (high > -np.inf).all()):
             raise InputError(
-                f"limit '{self.name}' needs a lower and an upper bound for each of {self.dim} directions, the lower "
-                f"one not above the upper one, got {low} and {high}"
+                f"limit '{self.name}' needs lower bounds that are not inf and not above the upper ones, which are not "
+                f"-inf, got {low} and {high}"
             )
         self._lower, self._upper = low, high
 
