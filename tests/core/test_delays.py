@@ -58,6 +58,17 @@ def test_a_state_is_carried_ahead_over_the_commands_that_act_meanwhile(delay: fl
     np.testing.assert_allclose(predictor.ahead(q, v)[0], pin.integrate(model, q, step), atol=1e-12)
 
 
+@pytest.mark.parametrize("which", ["measurement_delay", "command_delay"])
+def test_a_delay_below_rounding_is_none(which: str) -> None:
+    robot = G1.robot()
+    observers = [Observer(robot.clone(), ObserverSettings(**{which: delay})) for delay in (0.0, 1e-12)]
+    for tick in range(3):
+        for observer in observers:
+            observer.update(at_rest(robot, tick * DT))
+            observer.commanded(np.ones(robot.nv), DT)
+    np.testing.assert_array_equal(observers[0].robot.v, observers[1].robot.v)
+
+
 def test_commands_that_no_solution_made_ask_for_no_acceleration() -> None:
     """A robot at rest, whose QP moved the CoM before another law took over, is predicted to stay at rest."""
     controller = standing("g1", DT)

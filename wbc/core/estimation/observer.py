@@ -25,7 +25,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, shown
-from wbc.base.numbers import Array, lag_gain
+from wbc.base.numbers import ROUNDING, Array, lag_gain
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.checks.stamps import stamp_of
@@ -141,7 +141,7 @@ class Observer:
         self._q = pin.neutral(robot.model)
         self._v = np.zeros(robot.nv)
         delay = self._settings.delay
-        self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
+        self._predictor = DelayPredictor(robot.model, delay) if delay > ROUNDING else None
         # Views of base and joints, and of the pose of the base and its rates: quicker than slices.
         self._parts = self._q[:7], self._q[7:], self._v[:6], self._v[6:]
         self._base = self._q[:7], self._v[:3], self._v[3:6]
