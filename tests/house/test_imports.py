@@ -21,34 +21,23 @@ def test_links_lead_to_the_folders_beside(name: str) -> None:
     assert link.resolve() == ROOT / name
 
 
-def test_a_controller_needs_no_simulator() -> None:
-    """Importing everything below the simulator and solving a tick loads no MuJoCo: a real robot has none."""
-    program = """
+LOADED = """
 import importlib, pkgutil, sys, wbc
-for name in ("base", "core", "robots", "feet", "tasks", "walking", "machine"):
-    package = importlib.import_module(f"wbc.{name}")
-    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-        if not module.name.endswith("_mjcf"):
-            importlib.import_module(module.name)
-assert wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005).solve().ok
-from wbc.feet.soles.catalog import foot, foot_names
-from wbc.feet.soles.sole import AnkleSole
-for name in foot_names():
-    foot(name).fit(AnkleSole.under_ankle(0.09, 0.16, 0.08))
-assert "mujoco" not in sys.modules, "something imported mujoco"
-assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "something imported a viewer"
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-ASKED = """
-import sys, wbc
 assert "numpy" not in sys.modules, "names are loaded when they are asked for"
 controller = wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005)
 assert controller.solve().ok and wbc.TorqueControl and wbc.InverseKinematics and wbc.WalkingControl
 others = {"matplotlib", "pandas", "sklearn", "pyarrow", "rich", "cyclopts", "gymnasium", "PIL", "viser"}
 assert not (others | {"mujoco"}) & set(sys.modules), "a controller"
+for name in ("base", "core", "robots", "feet", "tasks", "walking", "machine"):
+    package = importlib.import_module(f"wbc.{name}")
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("_mjcf"):
+            importlib.import_module(module.name)
+from wbc.feet.soles.catalog import foot, foot_names
+from wbc.feet.soles.sole import AnkleSole
+for name in foot_names():
+    foot(name).fit(AnkleSole.under_ankle(0.09, 0.16, 0.08))
+assert not {"mujoco", "matplotlib", "meshcat"} & set(sys.modules), "all below the simulator"
 wbc.Plant("hrp4_class").measure()
 assert not others & set(sys.modules), "a plant"
 from wbc.sim import WalkSpec; WalkSpec().prepare()
@@ -58,8 +47,9 @@ assert not {"matplotlib", "pandas", "sklearn", "viser"} & set(sys.modules), "a l
 """
 
 
-def test_slow_libraries_are_loaded_when_they_are_asked_for() -> None:
-    done = subprocess.run([sys.executable, "-c", ASKED], capture_output=True, text=True, check=False)
+def test_a_controller_needs_no_simulator_and_slow_libraries_are_loaded_when_they_are_asked_for() -> None:
+    """Importing everything below the simulator and solving a tick loads no MuJoCo: a real robot has none."""
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
@@ -84,7 +74,11 @@ assert (matplotlib.rcParams["backend"] == BACKEND) == (BACKEND == "svg")
 
 
 @pytest.mark.parametrize(
-    ("driver", "backend"), [("nonsense", "Qt4Agg"), ("wgl" if sys.platform != "win32" else "cgl", "svg")]
+    ("driver", "backend"),
+    [
+        ("nonsense", "Qt4Agg"),
+        pytest.param("wgl" if sys.platform != "win32" else "cgl", "svg", marks=pytest.mark.slow),
+    ],
 )
 def test_variables_that_do_not_fit_stop_no_simulation_and_no_file(driver: str, backend: str) -> None:
     """Shell profiles and notebooks set them for programs that draw in windows."""

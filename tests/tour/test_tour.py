@@ -270,7 +270,7 @@ def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None
     }
     file = write_network(tmp_path / "mad.onnx", weights, metadata)
     guarded, filtered = control == "guarded", control == "filtered"
-    setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punches=False, seconds=2.0)
+    setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punches=False, seconds=1.3)
     row = tour.walk(10_000, setup)
     assert row["survived"] > 1.0 or not guarded
     assert bool(row["relieved"]) == guarded and (row["changed"] > 0.0) == filtered
