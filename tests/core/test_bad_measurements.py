@@ -221,12 +221,12 @@ def test_a_stamp_that_stands_while_signals_change_is_named_and_periods_are_count
 def test_a_clock_whose_rate_changes_is_named_until_it_runs_as_before(rate: float, odd: bool) -> None:
     control = TorqueControl(controller())
     time, said = 0.0, []
-    for tick in range(900):
-        time += DT * (rate if 300 <= tick < 600 else 1.0)
+    for tick in range(600):
+        time += DT * (rate if 150 <= tick < 400 else 1.0)
         control.command(at_rest(shared_robot(), time))
         said.append("the controller is made for" in control.status())
-    assert not any(said[:300]) and all(said[450:600]) is odd and any(said[300:600]) is odd
-    assert not any(said[700:])
+    assert not any(said[:150]) and all(said[300:400]) is odd and any(said[150:400]) is odd
+    assert not any(said[500:])
 
 
 @pytest.mark.parametrize("stamp", [np.float32, np.float64, np.int64, int])

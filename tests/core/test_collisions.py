@@ -346,7 +346,7 @@ def test_a_hand_in_torque_control_rests_at_a_wall(name: str, hand: wbc.Shape, wa
     limit = wbc.CollisionLimit(obstacles=[obstacle], against=[link], shapes={link: hand}, margin=MARGIN)
     controller.add(limit, wbc.PositionTask(link, obstacle.placement.translation, weight=30.0))
     q, v, least, jump = robot.q.copy(), robot.v.copy(), np.inf, np.inf
-    for _ in range(600):
+    for _ in range(400):
         controller.update(q, v)
         change = dt * controller.solve().accelerations
         v, jump = v + change, float(np.abs(change).max())
@@ -376,7 +376,7 @@ def test_a_box_that_is_pressed_at_a_flat_face_keeps_the_margin_and_rests(kind: s
     )
     ik.add(wbc.PositionTask("panda_hand", [0.55, 0.3, top - 0.025]))
     least, speed = np.inf, np.inf
-    for _ in range(600):
+    for _ in range(400):
         speed = float(np.abs(ik.step()).max())
         least = min(least, limit.distances["panda_hand", "table"])
     assert least > MARGIN - 1e-3

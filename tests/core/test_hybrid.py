@@ -116,7 +116,7 @@ def test_a_hybrid_command_keeps_the_limits_where_readings_are_refused(fault: str
     control.command(measurement)
     if fallen:
         control.sensing.falls.reason = FallReason.DOWN
-    for tick in range(1, 80):
+    for tick in range(1, 40):
         speed = 0.9 * robot.velocity_limit * np.sin(np.arange(1.0, robot.na + 1.0)) * min(1.0, 0.1 * tick)
         given = replace(measurement, time=measurement.time + tick * DT, joint_velocity=speed)
         received: object = {

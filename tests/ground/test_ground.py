@@ -75,7 +75,7 @@ def test_a_step_is_where_it_is_and_as_high(rise, edge):
 
 
 @given(st.floats(0.03, 0.08), st.floats(-0.1, 0.1), st.floats(-math.pi, math.pi))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_a_sole_meets_a_stone_at_its_top(rise, at, yaw):
     def height(x, y):
         return np.where(np.hypot(x - at, y) < 0.05, rise, 0.0)
@@ -89,7 +89,7 @@ def test_a_sole_meets_a_stone_at_its_top(rise, at, yaw):
 
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_a_moved_and_turned_world_has_the_same_map(dx, dy, yaw):
     def height(x, y):
         return 0.05 * np.sin(12.0 * x) + np.where(y > 0.1, 0.04, 0.0)

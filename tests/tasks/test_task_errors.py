@@ -47,8 +47,8 @@ def test_the_error_of_a_tilt_is_the_way_back_whatever_the_free_angle(kind: str, 
     hand, other = left_hand(robot), robot.torso_frame
     axes = [axis for number, axis in enumerate(("roll", "pitch", "yaw")) if number != free]
     axis, kept = np.eye(3)[free], [number for number in range(3) if number != free]
-    for angle in (0.1, 1.5, 2.6, 3.0, -3.1):
-        for tilt in (0.0, 0.2, 1.2, 2.8):
+    for angle in (0.1, 2.6, -3.1):
+        for tilt in (0.0, 0.2, 2.8):
             q, v = random_state(robot, rng)
             robot.update(q, v)
             lean = tilt * np.roll([0.0, np.cos(angle), np.sin(angle)], free)  # across the free axis
