@@ -49,6 +49,8 @@ def test_the_sway_is_a_sine_along_each_axis_with_its_derivatives() -> None:
 def test_joints_near_a_limit_start_in_the_middle_of_their_range() -> None:
     robot = load("g1").robot()
     low, high, half = robot.position_lower, robot.position_upper, np.array(robot.half_sitting[7:])
+    for limits in (low, high):
+        limits.setflags(write=True)
     low[0], high[0] = half[0] - 0.9 * CLEARANCE, half[0] + 1.0
     low[1], high[1] = half[1] - 1.0, half[1] + 0.9 * CLEARANCE
     low[2], high[2] = half[2] - 1.1 * CLEARANCE, half[2] + 1.1 * CLEARANCE

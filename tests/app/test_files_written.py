@@ -126,7 +126,7 @@ def test_a_file_that_is_read_is_not_written(
 def test_a_result_that_cannot_be_printed_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "wbc", "robots", "hrp4_class"],
+            [sys.executable, "-m", "wbc", "--version"],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,

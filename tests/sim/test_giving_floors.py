@@ -27,7 +27,7 @@ STIFFNESS = 1e7
 """Stiffness of the floor, N/m³: that of loose sand."""
 
 
-def settled(name: str, seconds: float = 1.5, **values: Any) -> Rig:
+def settled(name: str, seconds: float = 1.0, **values: Any) -> Rig:
     """A foot that has come to rest on the floor."""
     given = {"load": 200.0, "drop": 0.0} | values
     rig = Rig(FootTest(foot=foot(name), ground=terrain("flat", floor_stiffness=STIFFNESS), **given))
