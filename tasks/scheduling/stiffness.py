@@ -85,7 +85,7 @@ class StepStiffness:
     actual: float = math.nan  # stiffness at the landing as measured, Nm/rad; NaN for a sole without a sensor
     reached: bool = False  # True if the two agree within the tolerance
     requested: float = math.nan
-    fallback: str | None = None  # reason for using the fallback; None if the policy decided
+    fallback: str | None = None  # reason why the policy did not decide; None if it did
     decision: StiffnessDecision | None = None  # answer of the policy; None if it was not asked or gave none
     profile: Profile | None = None  # ground as scanned; None if too little was seen
     compliance: float = 0.0  # depth of a foot over its load that was felt before the decision, m/N

@@ -101,7 +101,7 @@ class FootWrenches(NamedTuple):
 
     wrenches: Array  # [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm
     shortfall: Array
-    status: Status  # status of the QP
+    status: Status  # of the QP; solved where one foot alone gives the wrench, without a QP
 
 
 def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:

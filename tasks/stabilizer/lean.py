@@ -19,6 +19,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
@@ -50,7 +51,7 @@ class LeanSettings:
     inertia: Positive = 0.06
     stiffness: Annotated[Positive, "1/s²"] = 25.0
     damping: Positive = 0.7
-    limit: Annotated[Positive, "rad"] = 0.4
+    limit: Annotated[float, Field(gt=0.0, le=1.5), "rad"] = 0.4
     braking: Annotated[Positive, "rad/s²"] = 60.0
 
 

@@ -69,6 +69,21 @@ class Gait:
     steps: int | None = None
 
 
+def test_a_class_that_derives_from_settings_has_other_defaults_in_fields_of_its_own() -> None:
+    class Shove(Push):
+        impulse: float = 0.3
+
+    class Named(Push):
+        def label(self) -> str:
+            return f"{self.impulse} Ns/kg"
+
+    with pytest.raises(InputError, match="impulse in class Shove"):
+        Shove()
+    assert settings(Shove)().impulse == 0.3 and Named(0.2).label() == "0.2 Ns/kg"
+    with pytest.raises(InputError, match="impulse in class Bare"):
+        settings(type("Bare", (Push,), {"impulse": 0.3}))
+
+
 def test_json_goes_there_and_back() -> None:
     spec = Spec(pushes=(Push(), Push(time=2.0)), start=(0.1, 1 / 3, 0.0))
     assert from_json(Spec, to_json(spec)) == spec and from_json(Spec, {}) == Spec()

@@ -14,10 +14,13 @@ from standing_hands import measure
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
+from wbc.tasks.stabilizer.lean import LeanSettings
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm.adjustment import AdjustmentSettings
+from wbc.walking.lipm.settings import PhaseSettings
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.check import check_plan
 from wbc.walking.plans.footsteps import Footstep
@@ -28,6 +31,7 @@ from wbc.walking.source import StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import (
     AreaConstants,
+    PathConstants,
     SteppingConstants,
     SteppingSettings,
     SwingConstants,
@@ -147,12 +151,36 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: checks(-1), "to_check of a planner is"),
     (lambda: checks(0.5), "to_check of a planner is"),
     (lambda: one_handed().hands.heading, "left_hand"),
-    (lambda: SteppingConstants(area=AreaConstants(box=(2.0, 0.1))), "box of SteppingConstants"),
+    (
+        lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(area=AreaConstants(box=(2.0, 0.1)))),
+        "box of AreaConstants",
+    ),
     (lambda: SwingConstants(touch=NAN), "touch must be a finite number"),
     (lambda: TimeConstants(brisk=0.0), "brisk"),
     (lambda: TouchConstants(most_force=-1.0), "most_force"),
     (lambda: TouchConstants(early=7.0), "early"),
-    (lambda: AreaConstants(even=(0.03, 0.01)), "the second number of even"),
+    (lambda: AreaConstants(even=(0.03, 0.01)), "numbers of even must grow"),
+    (lambda: AreaConstants(still=0.2), "still, turning"),
+    (lambda: TouchConstants(least_force=2.0), "least_force, most_force"),
+    (lambda: TouchConstants(carried=1.5), "carried, most_force"),
+    (lambda: TouchConstants(lost=0.2), "lost, met"),
+    (lambda: SwingConstants(apex=0.9), "apex, touch"),
+    (lambda: SwingConstants(landing_speed=0.3), "landing_speed, hardest"),
+    (lambda: PathConstants(near=0.1), "arrived, near"),
+    # Newtons for weights, millimetres for heights of the CoM, milliseconds for 1/ω, degrees for rad.
+    (
+        lambda: SteppingWalk.of(
+            ROBOT, DT, constants=SteppingConstants(touch=TouchConstants(most_force=458.0))
+        ),
+        "mg",
+    ),
+    (lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(path=PathConstants(astray=45.0))), "rad"),
+    (lambda: SteppingWalk.of(ROBOT, DT, SteppingSettings(swing_height=60.0)), "swing_height"),
+    (lambda: SteppingWalk.of(ROBOT, DT, SteppingSettings(slow_time=700.0)), "slow_time"),
+    (lambda: PhaseSettings(touch_down=0.0), "touch_down"),
+    (lambda: PhaseSettings(max_late=500.0), "max_late"),
+    (lambda: AdjustmentSettings(threshold=5.0), "threshold"),
+    (lambda: LeanSettings(limit=20.0), "limit"),
     (
         lambda: hands().press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)),
         "point for left_hand must be within",

@@ -18,6 +18,7 @@ from properties import by_default
 from steered_walk import steered_steps
 
 from wbc.base.settings import from_json, to_json
+from wbc.base.settings import settings as settings_class
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -512,6 +513,14 @@ def test_a_plan_that_is_followed_again_begins_anew() -> None:
         assert (stage.walk.finished, stage.walk.steps_done, stage.source.reason) == (True, steps, "")
 
 
+@settings_class
+class OwnGait(StepGait):
+    """Gait with another default, and a value of the swing that others leave as it is."""
+
+    single_support: float = 0.6
+    touch: float = 0.5
+
+
 def test_gait_for_a_speed() -> None:
     """Quicker and lower steps at higher speed; what is given stays, also where it is the default."""
     assert Gait.for_speed((0.0, 0.0, 0.0)) == StepGait()
@@ -519,6 +528,8 @@ def test_gait_for_a_speed() -> None:
         slow = Gait.for_speed((0.4, 0.0, 0.0), from_json(Gait, to_json(own)))
         assert slow.single_support == own.single_support and slow.double_support < 0.3
     assert Gait.for_speed((0.15, 0.0, 0.0)) == StepGait()
+    whole = OwnGait()
+    assert Gait.for_speed((0.4, 0.0, 0.0), whole) is whole.full is whole and whole.swing.touch == 0.5
     for own in (Gait(takeoff_time=0.15, landing_time=0.2), Gait(landing_time=0.25), Gait(takeoff_time=0.0)):
         for gait in [Gait.at_speed(speed, own) for speed in (0.0, 0.2, 0.4, 0.6)]:
             assert gait.takeoff_time + gait.landing_time <= 0.5 * gait.single_support + 1e-9

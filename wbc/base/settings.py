@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import json
 import math
 import re
@@ -159,11 +160,14 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool 
     """
     if kind is None:
         return functools.partial(settings, kw_only=kw_only, eq=eq)
+    _refuse_without_effect(kind, inspect.get_annotations(kind))
     made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, eq=eq, config=CONFIG)
     check = made.__init__
 
     @functools.wraps(check)
     def init(self: Any, *args: Any, **values: Any) -> None:
+        if type(self) is not made:
+            _refuse_without_effect(type(self), {})
         try:
             check(self, *map(hashable, args), **{name: hashable(value) for name, value in values.items()})
         except ValidationError as error:
@@ -171,6 +175,16 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool 
 
     made.__init__ = init
     return typing.cast(type[T], made)
+
+
+def _refuse_without_effect(kind: type, annotated: Mapping[str, Any]) -> None:
+    """Refuse a class that gives settings it derives from other defaults, but not in fields of its own."""
+    for base in filter(dataclasses.is_dataclass, kind.__mro__[1:]):
+        for name in (each.name for each in dataclasses.fields(base)):
+            if name in vars(kind) and name not in annotated:
+                raise InputError(
+                    f"default of {name} in class {kind.__name__} has no effect: annotate it, and add @settings"
+                )
 
 
 def hashable(value: Any) -> Any:

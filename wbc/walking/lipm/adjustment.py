@@ -13,7 +13,7 @@ import math
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from wbc.base.settings import NonNegative, settings
+from wbc.base.settings import Share, settings
 from wbc.base.vectors import Point
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import natural_frequency
@@ -33,7 +33,7 @@ SAME_TIME = 0.05
 
 @settings
 class AdjustmentSettings:
-    """Limits of step adjustment.
+    """Limits of step adjustment: distances of 1 m at most.
 
     Attributes:
         margin: Distance of the ZMP from the edge of the stance foot, m.
@@ -43,10 +43,10 @@ class AdjustmentSettings:
         max_shift: Greatest distance of a landing from the plan, forward and sideways, m.
     """
 
-    margin: Annotated[NonNegative, "m"] = 0.01
-    backward: Annotated[NonNegative, "m"] = 0.03
-    threshold: Annotated[NonNegative, "m"] = 0.005
-    max_shift: Annotated[tuple[NonNegative, NonNegative], "m"] = (0.15, 0.12)
+    margin: Annotated[Share, "m"] = 0.01
+    backward: Annotated[Share, "m"] = 0.03
+    threshold: Annotated[Share, "m"] = 0.005
+    max_shift: Annotated[tuple[Share, Share], "m"] = (0.15, 0.12)
 
 
 class PlannedSwing(NamedTuple):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import field, replace
 from typing import Annotated
 
-from wbc.base.settings import NonNegative, Share, in_units, settings
+from wbc.base.settings import Ratio, Share, in_units, settings
 from wbc.core.robot import Robot
 from wbc.walking.lipm.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import ZmpTarget
+from wbc.walking.plans.gait import SizeOrZero
 from wbc.walking.plans.reach import Reach
 
 CLIMBING_INWARD = 0.01
@@ -30,12 +31,12 @@ class PhaseSettings:
         max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
     """
 
-    touch_down: Share = 0.08
+    touch_down: Ratio = 0.08
     early: Share = 0.6
     lift_off: Share = 0.25
     stance: Share = 0.5
-    max_wait: Annotated[NonNegative, "s"] = 0.3
-    max_late: Annotated[NonNegative, "s"] = 0.5
+    max_wait: Annotated[SizeOrZero, "s"] = 0.3
+    max_late: Annotated[SizeOrZero, "s"] = 0.5
 
 
 @settings

@@ -200,8 +200,8 @@ class Gait:
     @staticmethod
     @checked
     def at_speed(speed: Annotated[NonNegative, "m/s"], gait: Gait | None = None) -> StepGait:
-        """Return the gait for a speed to two decimals, m/s; see `for_speed`."""
-        return _at_speed(round(speed, 2), gait or Gait())
+        """Return the gait for a speed to two decimals, m/s; see `for_speed`. Of a `StepGait` all values are given."""
+        return gait if isinstance(gait, StepGait) else _at_speed(round(speed, 2), gait or Gait())
 
 
 @settings

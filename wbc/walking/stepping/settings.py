@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 from typing import Annotated, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Number, Positive, Ratio, Share, in_units, settings
+from wbc.base.settings import units as units_of
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.gait import SwingShape
 from wbc.walking.plans.leg import Leg
@@ -28,10 +30,26 @@ Speed = Annotated[NonNegative, "hω"]
 Rate = Annotated[NonNegative, "ω"]
 Force = Annotated[NonNegative, "mg"]
 Angle = Annotated[NonNegative, "rad"]
-Box = Annotated[Pair, "sole"]
+Box = Annotated[tuple[Positive, Positive], "sole"]
 Gains = tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]]
 
 IN_SI = "these values are in SI units already: give those in units of the robot"
+
+LARGEST = {
+    **{
+        "1/ω": 50.0,
+        "ω": 50.0,
+        "h": 10.0,
+        "hω": 10.0,
+        "g": 50.0,
+        "mg": 10.0,
+        "leg": 1.0,
+        "ankle": 10.0,
+        "sole": 1.0,
+    },
+    "rad": math.tau,
+}
+"""Largest number of each unit: what is beyond it is in newtons, millimetres, milliseconds or degrees."""
 
 APART = 1.25
 """Least distance between the feet without disturbances, over that of soles a gap apart."""
@@ -90,12 +108,13 @@ class RobotSize:
         )
 
 
-def _refuse_falling(**pairs: Pair) -> None:
-    """Raise an `InputError` for pairs that do not grow."""
-    for name, (low, high) in pairs.items():
-        if low >= high:
+def _refuse_falling(constants: object, *orders: tuple[str, ...]) -> None:
+    """Raise an `InputError` for constants, given by their names, whose numbers do not grow in this order."""
+    for names in orders:
+        numbers = [number for name in names for number in np.ravel(getattr(constants, name)).tolist()]
+        if any(low >= high for low, high in pairwise(numbers)):
             raise InputError(
-                f"the second number of {name} must be above the first one, got {low:g}, {high:g}"
+                f"numbers of {', '.join(names)} must grow in this order, got {', '.join(map('{:g}'.format, numbers))}"
             )
 
 
@@ -141,8 +160,8 @@ class AreaConstants:
     held_gain: tuple[Share, Share] = (0.8, 0.3)  # weight of the last step in this width, if less and if more
 
     def __post_init__(self) -> None:
-        """Refuse pairs that do not grow."""
-        _refuse_falling(trusted=self.trusted, even=self.even)
+        """Refuse numbers that do not grow."""
+        _refuse_falling(self, ("trusted",), ("even",), ("still", "turning"))
 
 
 @settings
@@ -172,6 +191,11 @@ class TouchConstants:
     lost: Force = 0.015  # force below which the foot has lost the ground again
     held: Force = 0.18  # of the other foot, which must hold while a foot loses the ground: else both fly
     lost_time: Time = 0.12  # time for which the foot must have lost the ground
+
+    def __post_init__(self) -> None:
+        """Refuse a foot that would bear less than it has to, or lose the ground by a force with which it meets it."""
+        borne = ("least_force", "share", "met", "held", "carried")
+        _refuse_falling(self, ("lost", "met"), *((name, "most_force") for name in borne))
 
 
 @settings
@@ -203,8 +227,8 @@ class SwingConstants:
     again: Length = 0.03  # move of the program's landing from which on another place is chosen
 
     def __post_init__(self) -> None:
-        """Refuse pairs that do not grow."""
-        _refuse_falling(urgent=self.urgent)
+        """Refuse numbers that do not grow."""
+        _refuse_falling(self, ("urgent",), ("apex", "touch"), ("landing_speed", "hardest"))
 
     @property
     def quickest(self) -> float:
@@ -245,6 +269,10 @@ class PathConstants:
     drift_speed: Speed = 0.041  # greatest velocity of the way back to the path
     pelvis_turn: Angle = 0.35  # greatest angle of the pelvis from the heading: a push may turn it
 
+    def __post_init__(self) -> None:
+        """Refuse a goal that is reached before it is near."""
+        _refuse_falling(self, ("arrived", "near"))
+
 
 @settings
 class SteppingConstants:
@@ -257,25 +285,14 @@ class SteppingConstants:
     stand: StandConstants = StandConstants()
     path: PathConstants = PathConstants()
 
-    def __post_init__(self) -> None:
-        """Refuse boxes of the centre of pressure that are larger than the sole."""
-        for name, box in (("box", self.area.box), ("standing_box", self.area.standing_box)):
-            if not all(0.0 < size <= 1.0 for size in box):
-                raise InputError(
-                    f"{name} of SteppingConstants is in parts of the sole, above 0 and at most 1, got {box}"
-                )
-
     def in_si(self, scale: RobotSize) -> ConstantsInSI:
-        """Return the constants for one robot in SI units."""
+        """Return the constants for one robot in SI units; an `InputError` for a number that is in SI units already."""
         parts = {part.name: getattr(self, part.name) for part in dataclasses.fields(self)}
         return ConstantsInSI(**{name: multiplied_out(part, scale) for name, part in parts.items()})
 
 
 class ConstantsInSI(SteppingConstants):
     """Constants of the law for one robot, in SI units."""
-
-    def __post_init__(self) -> None:
-        """Take boxes in metres."""
 
     def in_si(self, scale: RobotSize) -> NoReturn:
         """Refuse to multiply the units out again."""
@@ -386,7 +403,16 @@ class GaitValues(NamedTuple):
 
 
 def multiplied_out(values: T, scale: RobotSize) -> T:
-    """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons."""
+    """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons.
+
+    A number above the largest one of its unit (`LARGEST`) is an `InputError`.
+    """
+    for name, unit in units_of(type(values)).items():
+        most, given = LARGEST.get(unit, math.inf), getattr(values, name)
+        if np.max(np.abs(given)) > most:
+            raise InputError(
+                f"{name} of {type(values).__name__} is in units of the robot ({unit}) and at most {most:g}, got {given}"
+            )
     h, omega, (half_length, half_width) = scale.height, scale.omega, scale.sole
     units: dict[str, float | tuple[float, ...]] = {
         **{"1/ω": 1.0 / omega, "ω": omega, "ω²": omega**2, "h": h, "hω": h * omega},
