@@ -147,7 +147,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 5.0, DOWN), "after the first tick"),
     (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
     (lambda: walking().hands.point("left_hand", NAN, 0.5), r"ahead of Hands.point"),
-    (lambda: bound().place("box", None), "release left_hand first"),
+    (lambda: bound().place("box", None), "release left_hand, and wait"),
     (lambda: checks(-1), "to_check of a planner is"),
     (lambda: checks(0.5), "to_check of a planner is"),
     (lambda: one_handed().hands.heading, "left_hand"),

@@ -90,6 +90,13 @@ def test_a_point_for_a_hand_is_in_lengths_of_its_arm_in_the_heading(yaw: float) 
         np.testing.assert_allclose(way / (arm.length + 0.14), (0.5, side * 0.1, -0.4), atol=1e-9)
 
 
+def test_wrench_and_shift_of_hands_cannot_be_written() -> None:
+    _, hands = standing()
+    for given in (hands.outside, hands.shift):
+        with pytest.raises(ValueError, match="read-only"):
+            given[0] = 5.0
+
+
 def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() -> None:
     """All that is over the sum of the limits, the difference along their line, and all that is vertical."""
     _, hands = standing()

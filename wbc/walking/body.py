@@ -112,16 +112,15 @@ class Body:
         controller: Controller,
         source: ReferenceSource,
         com_height: float,
-        dt: float,
         *,
         most_turn: float = math.inf,
         reaching: float = 1.0,
     ) -> None:
-        """Leave all to a source of references: height of its CoM (m), period (s), greatest turn (rad).
+        """Leave all to a source of references: height of its CoM (m), greatest turn (rad).
 
         Its posture holds the neck 1 / `reaching` times as firmly as that of planned steps.
         """
-        self._controller, self._robot, self._dt = controller, controller.robot, dt
+        self._controller, self._robot, self._dt = controller, controller.robot, controller.dt
         self._source, self._nominal, self._reaching = source, com_height, reaching
         self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
         self._now, self._rate, self._acceleration = np.zeros(4), np.zeros(4), np.zeros(4)

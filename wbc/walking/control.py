@@ -165,7 +165,6 @@ class WalkingControl(SteeredControl):
             controller,
             walk,
             height,
-            dt,
             most_turn=STEPPING_TURN if self.balance is None else math.inf,
             reaching=table.reaching,
         )

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, lag_gain
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, lag_gain, read_only
 from wbc.base.settings import Number
 from wbc.base.vectors import along
 from wbc.core.frames import heading, unit_vector
@@ -64,12 +64,7 @@ class Hands:
     """
 
     def __init__(
-        self,
-        controller: Controller,
-        estimate: Robot,
-        settings: HandSettings,
-        height: float,
-        arms: Arms,
+        self, controller: Controller, estimate: Robot, settings: HandSettings, height: float, arms: Arms
     ) -> None:
         """Leave the hands free, for a CoM at a height over the soles, m."""
         self._controller, self._robot, self._estimate = controller, controller.robot, estimate
@@ -83,7 +78,7 @@ class Hands:
                 for index, arm in enumerate(arms.all.values())
             }
         )
-        self.outside = np.zeros(6)  # measured, filtered, at the world origin
+        self.outside = read_only(np.zeros(6))
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._excess: dict[str, Array] = {}  # hand that grips → force to which it yields in the next tick, N
         self._measurement: Measurement | None = None  # the last one
@@ -102,7 +97,7 @@ class Hands:
     @property
     def shift(self) -> Array:
         """Shift of the CoM for the planned forces, shape (2,), m."""
-        return np.asarray(self._shift.value)
+        return read_only(self._shift.value)
 
     @property
     def slip(self) -> float:
@@ -331,24 +326,17 @@ class Hands:
                     felt += wrench
                     planned += hand.planned_wrench(2.0 * SHIFT_TIME)
         self._excess = self._yielded(rests)
-        self._count(felt, pulled, planned, reference)
-        return self.outside
-
-    def _count(self, felt: Array, pulled: Array, planned: Array, reference: Reference) -> None:
-        """Filter the wrenches on hands that press and that grip, and shift the CoM for those that are planned.
-
-        All are [force; moment] at the world origin, shape (6,), N and Nm.
-        """
-        dt = self._dt
-        self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
+        outside, dt = self.outside, self._dt
+        self.outside = read_only(outside + lag_gain(dt, FILTER_TIME) * (felt + pulled - outside))
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
         self._shift.follow(-offset - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= STILL
         self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > NO_FORCE
         if not self.active:
-            self.outside[:] = self._slow[:] = 0.0
+            self.outside, self._slow = read_only(np.zeros(6)), np.zeros(6)
             self._shift = Follower(SHIFT_TIME, np.zeros(2))
+        return self.outside
 
     def _watch_slip(self, measurement: Measurement, rests: bool) -> None:
         """Compare the turn by the gyroscope with that of its link in the estimate."""

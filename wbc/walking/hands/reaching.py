@@ -78,7 +78,7 @@ class Arms:
             bound = [arm.name for arm in self.all.values() if arm.active and arm.within == name]
             if bound:
                 raise InputError(
-                    f"'{name}' is forgotten once no hand has its target there: release {bound[0]} first"
+                    f"'{name}' is forgotten once no hand goes by it: release {bound[0]}, and wait until it is inactive"
                 )
         self._frames.place(name, where, velocity)
 
