@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -257,22 +258,11 @@ def _soles(robot: Robot, parts: Mapping[str, Array], lift: Array) -> list[Soles]
             size = float(np.median(np.linalg.norm(foot, axis=1)))
             pitch = np.arcsin(np.clip((lift[:, number, 0] - lift[:, number, 1]) / size, -TIPPED, TIPPED))
         height = lift[:, number].min(axis=1).clip(0.0)
-        feet.append(
-            [
-                _under(ankle_place, yaw_now, pitch_now, float(height_now), offset)
-                for ankle_place, yaw_now, pitch_now, height_now in zip(
-                    parts[f"{side}_ankle"], yaw, pitch, height, strict=True
-                )
-            ]
-        )
+        rotations = Rotation.from_euler("ZY", np.column_stack([yaw, pitch])).as_matrix()
+        places = parts[f"{side}_ankle"] + rotations @ offset
+        places[:, 2] = height
+        feet.append([pin.SE3(*each) for each in zip(rotations, places, strict=True)])
     return list(zip(*feet, strict=True))
-
-
-def _under(ankle: Array, yaw: float, pitch: float, height: float, offset: Array) -> pin.SE3:
-    """Return the placement of a sole at an offset from an ankle, m, in its own axes; its centre at a height, m."""
-    rotation = pin.utils.rotate("z", yaw) @ pin.utils.rotate("y", pitch)
-    place = ankle + rotation @ offset
-    return pin.SE3(rotation, np.array([place[0], place[1], height]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

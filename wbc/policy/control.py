@@ -240,7 +240,6 @@ class PolicyControl(SteeredControl):
         self._joints.begin()
         self._period.begin()
         self._steering.begin()
-        self.observed.phase = self._steering.clock.phase
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
@@ -299,7 +298,7 @@ class PolicyControl(SteeredControl):
                 self.acted = True
                 try:
                     self.observe(state)
-                    self.observed.phase = self._steering.tick(state.robot)
+                    self._steering.tick(state.robot)
                     self._period.act()
                     self.aim()
                     self.network_error = None

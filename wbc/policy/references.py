@@ -29,7 +29,7 @@ class GaitClock:
     """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand.
 
     Attributes:
-        phase: Phases of the left and the right foot, from −π to π, shape (2,), rad.
+        phase: Phases of the left and the right foot, from −π to π, shape (2,), rad; the same array always.
     """
 
     def __init__(self, period: float | None, dt: float) -> None:
@@ -44,11 +44,11 @@ class GaitClock:
     def tick(self, stands: bool) -> Array:
         """Return the phases one period of the policy later; `stands` is true while no velocity is asked for."""
         if stands:
-            self.phase = np.array(STANDING)
+            self.phase[:] = STANDING
         elif self._stood:
-            self.phase = np.array([0.0, math.pi])
+            self.phase[:] = 0.0, math.pi
         else:
-            self.phase = np.asarray(np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi)
+            self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
         self._stood = stands
         return self.phase
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.base.numbers import Array
 from wbc.core.frames import heading
 from wbc.core.robot import Robot
 from wbc.policy.description import PolicyDescription
@@ -78,8 +77,8 @@ class Steering:
         """Let time pass, s."""
         self._rested = self._rested + dt if self._stands else 0.0
 
-    def tick(self, robot: Robot) -> Array:
-        """Ask for what the robot lacks, too, and return the phases of its feet in this period of the policy, rad.
+    def tick(self, robot: Robot) -> None:
+        """Ask for what the robot lacks, too, and let the clock go on, in a period of the policy.
 
         Nothing is asked for as well in a stand, and what lacks turns no velocity around.
         """
@@ -92,4 +91,4 @@ class Steering:
             self.command[:2] = ahead + self._lack
             self.command[:2][self.command[:2] * ahead < 0.0] = 0.0
             np.clip(self.command, *self._range, out=self.command)
-        return self.clock.tick(self._stands)
+        self.clock.tick(self._stands)
