@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from wbc.base.errors import InputError
-from wbc.base.files import check_target, parsing, read_text
+from wbc.base.files import parsing, read_text
 from wbc.sim.studies.journal import BEGIN
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
@@ -34,8 +33,3 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")
     return data
-
-
-def check_picture(path: Path | None, inputs: Iterable[str | Path | None] = ()) -> Path | None:
-    """Return the path of a picture after a check by `check_target`; None without one."""
-    return None if path is None else check_target("a picture", path, PICTURES, inputs)

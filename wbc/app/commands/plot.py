@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,14 +59,7 @@ def plot(
     figures = [word for word in drawings if word in FIGURES]
     signals = [word for word in drawings if word not in FIGURES]
     target = check_target("a picture", options.out or f"{logs[0].path.stem}.png", PICTURES, paths)
-    if signals:
-        try:
-            select(logs, signals)
-        except LookupError as error:
-            for word in signals:
-                if near := difflib.get_close_matches(word, FIGURES, n=1):
-                    raise InputError(f"no figure or signal '{word}'; did you mean '{near[0]}'?") from error
-            raise InputError(f"{error} (ready-made figures: {', '.join(FIGURES)})") from error
+    select(logs, signals, FIGURES)
     if not drawings:
         figures = [name for name in FIGURES if all(missing(name, log) is None for log in logs)]
         if not figures:

@@ -10,9 +10,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from wbc.app.arguments import Fields
-from wbc.app.files import check_picture
+from wbc.app.files import PICTURES
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.errors import InputError
+from wbc.base.files import check_target
 from wbc.base.registry import first_line
 from wbc.base.settings import NonNegative, read_changes, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
@@ -46,6 +47,10 @@ class TerrainOptions:
     clearance: NonNegative = StepGait.swing_height
     plot: Path | None = None
 
+    def target(self) -> Path | None:
+        """Return the path of the picture after a check; None without one."""
+        return None if self.plot is None else check_target("a picture", self.plot, PICTURES, self.param)
+
 
 @reports
 def terrain(
@@ -66,7 +71,7 @@ def terrain(
     ]
     if of_one:
         raise InputError(f"--{of_one[0].replace('_', '-')} belongs to one ground; name its family")
-    target = check_picture(options.plot)
+    target = options.target()
     facts = list_terrains()
     if target is not None:
         plot_families(target)
@@ -83,7 +88,7 @@ def terrain(
 def describe_terrain(name: str, options: TerrainOptions, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
     ground = ground_of(name, options.param, given)
-    target = check_picture(options.plot, options.param)
+    target = options.target()
     facts = ground.describe() | {
         "roughness": _named_roughness(ground),
         "clears": ground.clears(options.clearance),

@@ -184,8 +184,8 @@ class _Run:
 
 def _news(acting: Sequence[View | RepeatWalk], trial: WalkTrial) -> str:
     """Return the changes since the tick before, and an end by Ctrl-C, as JSON; empty text for nothing."""
-    texts = [hook.controls.news() for hook in acting if hook.controls is not None]
-    entries = [entry for text in texts if text for entry in json.loads(text)] + ending(trial)
+    controls = [hook.controls for hook in acting if hook.controls is not None]
+    entries = [entry for each in controls for entry in each.news()] + ending(trial)
     return json.dumps(entries) if entries else ""
 
 

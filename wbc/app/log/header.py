@@ -186,11 +186,6 @@ def _own(kind: str, name: str, known: Mapping[str, type[Any]]) -> type[Any]:
     return known[name]
 
 
-def read_description(plain: Any) -> RobotDescription:
-    """Return the robot that a header describes."""
-    return from_json(RobotDescription, plain)
-
-
 def read_plant(header: dict[str, Any]) -> Plant:
     """Return the plant of a header, without sensor errors; feet and grounds of one's own must be registered."""
     parts = header["plant"]
@@ -199,7 +194,7 @@ def read_plant(header: dict[str, Any]) -> Plant:
     ground["parameters"] = from_json(family, ground["parameters"])
     own_foot = _own("foot", parts["foot"]["name"], {name: type(foot(name)) for name in foot_names()})
     return Plant(
-        read_description(parts["description"]),
+        from_json(RobotDescription, parts["description"]),
         foot=from_json(own_foot, parts["foot"]["parameters"]),
         terrain=Terrain(**ground),
         physics=from_json(PhysicsSettings, parts["physics"]),

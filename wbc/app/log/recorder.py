@@ -33,6 +33,7 @@ from wbc.sim.studies.provenance import provenance
 from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
+    from wbc.sim.simulation.simulation import Simulation
     from wbc.sim.trial.trial import TrialTick
     from wbc.sim.walks.result import WalkResult
 
@@ -61,7 +62,7 @@ class Recorder(TrialHook):
         self._seed: int | None = None  # of the plant when None
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
-        self._first: Tick | None = None
+        self._first: Tick
         self._time = -math.inf  # of the measurement of the last tick, s
         self._model: Robot | None = None  # of a controller of one's own
 
@@ -83,8 +84,9 @@ class Recorder(TrialHook):
             raise InputError(f"a signal's name is made of parts separated by '/', got {name!r}")
         self._added.append((Signal(name, unit, about), value))
 
-    @checked
-    def __call__(self, plant: Any, control: Any, measurement: Measurement, command: Command) -> None:
+    def __call__(
+        self, plant: Simulation | None, control: Control, measurement: Measurement, command: Command
+    ) -> None:
         """Record one tick, after the command has been computed and before the plant takes it.
 
         Args:
@@ -143,7 +145,10 @@ class Recorder(TrialHook):
     def _record(self, tick: Tick) -> None:
         if self._writer.ended:
             raise InputError(f"the recording {self.path} has ended; make another Recorder")
-        if self._signals is None or self._first is None:
+        for what, kind in (("measurement", Measurement), ("command", Command)):
+            if not isinstance(value := getattr(tick, what), kind):
+                raise InputError(f"{what} of a tick must be a {kind.__name__}, got {shown(value)}")
+        if self._signals is None:
             self._signals, self._first = self._begin(tick), tick
         elif tick.plant is not self._first.plant or tick.program is not self._first.program:
             raise InputError(

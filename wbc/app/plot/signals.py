@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +21,11 @@ MAX_SIGNALS = 40
 """Largest number of signals that can be told apart in one figure."""
 
 
-def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
-    """Return the signals that words stand for, without repetitions, in the order of the words."""
+def select(logs: Sequence[Log], words: Sequence[str], figures: Iterable[str] = ()) -> list[str]:
+    """Return the signals that words stand for, without repetitions, in the order of the words.
+
+    An error for an unknown word names the nearest signals, groups and figures.
+    """
     kinds = {name: signal.kind for log in logs for name, signal in log.signals.items()}
     chosen: dict[str, None] = {}
     for word in words:
@@ -31,7 +34,7 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
         names = names or fnmatch.filter(kinds, word)
         if not names:
             groups = {name.rpartition("/")[0] for name in kinds} - {""}
-            unknown_name("signal", word, set(kinds) | groups)
+            unknown_name("figure or signal" if figures else "signal", word, {*kinds, *groups, *figures})
         if kinds[names[0]] == "list" and len(names) == 1:
             raise InputError(f"signal '{names[0]}' holds lists and cannot be drawn over time")
         chosen |= dict.fromkeys(name for name in names if kinds[name] != "list")

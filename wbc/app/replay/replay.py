@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from wbc.app.drift import Drift
-from wbc.app.log.header import read_description, read_plant
+from wbc.app.log.header import read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import foot_names, position_signal
 from wbc.app.log.stances import Stance, stances
@@ -30,9 +30,10 @@ from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import decoding
-from wbc.base.numbers import Array, finite_scalar
-from wbc.base.settings import Ordinal
+from wbc.base.numbers import Array, finite_scalar, read_only
+from wbc.base.settings import Ordinal, from_json
 from wbc.core.robot import SIDES
+from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 
 MOST_PICTURES = 1_000_000
@@ -75,7 +76,7 @@ class Replay:
             else:
                 self.stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
             self.title = str(log.header.get("title") or self.stage.title)
-            self.base_places = self._q[:, :3]
+            self.base_places = read_only(self._q[:, :3])
             self._read(log)
 
     def _read(self, log: Log) -> None:
@@ -224,7 +225,7 @@ def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
     """Return the robot of any other loop and its true configurations, or the estimated ones; shape (ticks, nq)."""
     if log.header.get("description") is None:
         raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
-    description = read_description(log.header["description"])
+    description = from_json(RobotDescription, log.header["description"])
     base, joints = "truth/base", "truth/joint/position"
     if f"{base}/position/x" not in log:
         base, joints = "base/estimated", "joint/position"

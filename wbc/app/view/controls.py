@@ -9,7 +9,6 @@ A footstep plan, gait, terrain and seed belong to another run; a run cannot go b
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from collections import deque
@@ -156,11 +155,11 @@ class LiveControls:
         while self._orders:
             self.apply(self._orders.popleft())
 
-    def news(self) -> str:
-        """Return the interventions since the last call, for a log: a JSON list; empty text if there are none."""
+    def news(self) -> list[dict[str, Any]]:
+        """Return the interventions since the last call, for a log."""
         entries = self.interventions[self._reported :]
         self._reported += len(entries)
-        return json.dumps(entries) if entries else ""
+        return entries
 
     @property
     def offered(self) -> set[str]:
