@@ -234,9 +234,16 @@ def read(source: str | Path) -> Urdf:
 
 
 def _unread(root: Element) -> list[str]:
-    """Return a note on the elements of a <robot> that are not read; none without any."""
+    """Return notes on the elements of a <robot> that are not read, and on links and joints that have one twice."""
     left = Counter(str(each.tag).rpartition("}")[2] for each in root if each.tag not in READ)
-    return ["not read: " + ", ".join(f"{count} <{tag}>" for tag, count in left.items())] if left else []
+    notes = ["not read: " + ", ".join(f"{count} <{tag}>" for tag, count in left.items())] if left else []
+    return notes + [
+        f"{each.tag} '{each.get('name')}': one <{tag}> is read, it has {count}"
+        for each in root
+        if each.tag in ("link", "joint")
+        for tag, count in Counter(str(part.tag) for part in each).items()
+        if count > 1 and tag not in ("visual", "collision", "safety_controller")
+    ]
 
 
 def _unread_joints(root: Element) -> tuple[str, ...]:
@@ -319,11 +326,11 @@ def _joint(joint: Element, root: Element) -> Joint:
     if kind != "continuous" and {"lower", "upper"} & made.limit.keys():
         made.low, made.high = (_number(made.limit, end, name) for end in ("lower", "upper"))
     made.speed, made.effort = (_number(made.limit, what, name) for what in ("velocity", "effort"))
-    for mimic in joint.findall("mimic"):
+    if (mimic := joint.find("mimic")) is not None:
         ratio = _number({"multiplier": "1", **mimic.attrib}, "multiplier", name)
         made.leader = Coupling(str(mimic.get("joint")), ratio, _number(mimic.attrib, "offset", name))
-    for dynamics in joint.findall("dynamics"):
-        made.rubs |= any(_number(dynamics.attrib, key, name) != 0.0 for key in ("damping", "friction"))
+    if (dynamics := joint.find("dynamics")) is not None:
+        made.rubs = any(_number(dynamics.attrib, key, name) != 0.0 for key in ("damping", "friction"))
     for safety in joint.findall("safety_controller"):
         low, high = (_number(safety.attrib, f"soft_{side}_limit", name) for side in ("lower", "upper"))
         if low < high:  # both are zero when they are not given

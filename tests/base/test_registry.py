@@ -243,3 +243,13 @@ def test_a_child_imports_from_where_its_parent_does(monkeypatch: pytest.MonkeyPa
     command = child_command("module", "a", "b")
     assert command[0] == sys.executable and "-P" in command and command[-3:] == ["module", "a", "b"]
     assert str(tmp_path) in command[-4] and str(Path("relative").absolute()) in command[-4]
+
+
+@pytest.mark.parametrize(
+    "place", ["\0.py", "a\ud800.py", "~nobody-at-all/a.py", f"{'x' * 5000}.py", "nowhere.py"]
+)
+def test_a_file_of_code_that_no_file_is_is_refused_by_name(place: str) -> None:
+    allow_code(place)
+    for run in (lambda: Registry("thing").find(f"{place}:X"), lambda: run_code([Path(place)])):
+        with pytest.raises(InputError, match="^no Python file .*; give one"):
+            run()

@@ -267,6 +267,13 @@ def test_what_is_not_read_is_named_and_joints_in_it_are_doubtful(what: str) -> N
     assert len(doubts) == bool(joint) and all(joint in line for line in doubts)
 
 
+def test_of_two_elements_where_one_is_read_the_first_counts_and_the_others_are_named() -> None:
+    heavy = "<inertial><mass value='50'/><inertia ixx='9' iyy='9' izz='9'/></inertial></link>"
+    robot = RobotDescription.from_urdf(biped().replace("</link>", heavy, 1))
+    assert robot.robot().mass == RobotDescription.from_urdf(biped()).robot().mass
+    assert any(line.endswith("one <inertial> is read, it has 2") for line in robot.derived)
+
+
 def test_a_shape_of_another_kind_is_named_and_a_place_in_another_form_is_refused() -> None:
     cone = '<visual><geometry><cone radius="1"/></geometry></visual></link>'
     robot = RobotDescription.from_urdf(biped().replace("</link>", cone, 1))

@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import inspect
 import logging
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -18,7 +19,7 @@ from typing import Any, TypeVar
 
 from wbc.base.checked import names_of
 from wbc.base.errors import InputError, WbcError, choose, shown, unknown_name
-from wbc.base.files import file_hash
+from wbc.base.files import existing, file_hash, home_path
 
 logger = logging.getLogger(__name__)
 
@@ -60,14 +61,16 @@ def code_of(*values: Any) -> Iterator[str]:
 
 def allow_code(*values: Any) -> None:
     """Let the files of code that values name, or are the paths of, be run where data name them, too."""
-    _allowed.update(str(Path(file).expanduser().resolve()) for file in code_of(*values))
+    places = map(home_path, code_of(*values))
+    _allowed.update(str(place.resolve()) for place in places if os.path.isfile(place))
 
 
 def run_code(files: Sequence[Path]) -> None:
     """Run Python files that a user has named, for what they register; each once."""
     allow_code(files)
     for path in files:
-        _module(str(path.expanduser().resolve()), file_hash(path.expanduser())[:HASH_LENGTH])
+        place = existing(path, "Python", "one that registers something")
+        _module(str(place.resolve()), file_hash(place)[:HASH_LENGTH])
 
 
 class Registry(dict[str, T]):
@@ -139,7 +142,7 @@ class Registry(dict[str, T]):
             return name, self[name]
         place, _, attribute = name.rpartition(":")
         attribute, _, given = attribute.partition("#")
-        path = Path(place).expanduser()
+        path = existing(place, "Python", f"one with the {self.kind}")
         if not is_data():
             allow_code(path)
         elif str(path.resolve()) not in _allowed:
