@@ -37,7 +37,7 @@ class JointTask(Task):
         self._joints = None if joints is None else distinct_joints(joints)
         self._columns: NDArray[np.intp]
         super().__init__(name, len(self._joints or [""]), **options)
-        self._pending = [] if target is None else [target]  # until the joints are known
+        self._pending = [] if target is None else [self._given(target)]  # until the joints are known
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -66,11 +66,21 @@ class JointTask(Task):
     @target.setter
     def target(self, value: JointValues) -> None:
         if self._target is None:
-            self._pending = [*self._pending, value] if isinstance(value, Mapping) else [value]
+            given = self._given(value)
+            self._pending = [*self._pending, given] if isinstance(given, dict) else [given]
             return
         Task.target.fset(self, value)  # type: ignore[attr-defined]
         if not self._settled:  # what could not be added is not tried again
             self._pending = [self._target]
+
+    def _given(self, value: JointValues) -> Array | dict[str, float]:
+        """Return a copy of finite targets, whose joints are not known yet."""
+        if isinstance(value, Mapping):
+            return {
+                joint: finite_scalar(f"target of joint '{joint}' ({self.unit})", each)
+                for joint, each in value.items()
+            }
+        return finite_array(f"target of task '{self.name}' ({self.unit})", value)
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return targets after a check, shape (dim,); those that are not given are those of `others`, or stay."""

@@ -58,6 +58,8 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "pose: mirrored": lambda: PoseTask("left_hand", SKEWED),
     "relative: the same frame": lambda: RelativeFrameTask("left_hand", "left_hand"),
     "torque: negative weight": lambda: JointTorqueTask(weight=-1e-3),
+    "torque: not finite": lambda: JointTorqueTask(np.full(3, np.nan)),
+    "posture: text for a joint": lambda: PostureTask({"any": "low"}),  # type: ignore[dict-item]
     "posture: negative joint weight": lambda: PostureTask(joint_weights={"a": -1.0}),
     "admittance: negative": lambda: AdmittanceTask("left_hand", admittance=(-1e-3, 0.0)),
     "impedance: no mass and no damper": lambda: ImpedanceTask("left_hand", mass=(0.0, 1.0)),
@@ -81,6 +83,19 @@ UNKNOWN: dict[str, Callable[[], Task]] = {
     "joints of rows on single joints": lambda: LowAccelerationTask(joints=["base"]),
     "joints of a wrench": lambda: WrenchTask("left_foot", joints=["base"]),  # type: ignore[call-arg]
 }
+
+
+@pytest.mark.parametrize("kind", [PostureTask, JointTorqueTask])
+def test_targets_of_joints_are_copied_before_a_controller_has_the_task(
+    kind: type[PostureTask | JointTorqueTask],
+) -> None:
+    robot = make_robot("hrp4_class")
+    array, named = np.array(robot.half_sitting[7:]), {robot.joint_names[0]: 0.1}
+    task = kind(array)
+    task.target = named
+    array[:], named[robot.joint_names[0]] = 0.3, 0.3
+    target = Controller(robot, 0.002).add(task).target
+    np.testing.assert_array_equal(target, [0.1, *robot.half_sitting[8:]])
 
 
 @pytest.mark.parametrize("what", UNKNOWN)
