@@ -110,7 +110,9 @@ class Clusters:
         """Middle of each range, its command, Nm/rad: the geometric mean of boundaries of one ratio."""
         low, high = np.array(self.edges[:-1]), np.array(self.edges[1:])
         linear = (low == 0.0) | np.allclose(high - low, high[0] - low[0])
-        return np.asarray(np.where(linear, (low + high) / 2.0, np.sqrt(low * high)))
+        centres: Array = np.where(linear, (low + high) / 2.0, np.sqrt(low * high))
+        centres.setflags(write=False)
+        return centres
 
     def of(self, stiffness: ArrayLike) -> NDArray[np.intp]:
         """Return the number of the range of each stiffness (Nm/rad), from 1; `InputError` outside all ranges."""
@@ -202,7 +204,9 @@ class StiffnessModel:
         rows, count = len(self.stiffness), len(self.settings.features)
         shapes = {"features": (rows, count), "stiffness": (rows,), "mean": (count,), "scale": (count,)}
         for name, shape in shapes.items():
-            object.__setattr__(self, name, finite_array(name, getattr(self, name), shape))
+            values = finite_array(name, getattr(self, name), shape)
+            values.setflags(write=False)  # many policies share a model
+            object.__setattr__(self, name, values)
         if rows < self.settings.neighbours or (self.scale <= 0.0).any():
             raise InputError(
                 f"a model needs {self.settings.neighbours} rows or more, as many as neighbours, and scales above 0, "

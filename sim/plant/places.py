@@ -250,7 +250,7 @@ def hanging(model: mujoco.MjModel, bodies: Sequence[int]) -> Index:
 
 def body_frame(name: str, robot: Robot) -> str:
     """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames."""
-    if robot.model.existFrame(name):
+    if robot.model.existFrame(name) and name != "universe":
         return name
     alias = {"torso": robot.torso_frame, "base": robot.base_frame}
     if name not in alias:

@@ -383,6 +383,11 @@ class Simulation(ABC):
 
     def _read(self, command: Command) -> Any:
         """Return an order to the drives: a command as they take it; `InputError` for one that they cannot follow."""
+        if command.sole_stiffness is not None:
+            raise InputError(
+                "command: the soles of this simulation have no stiffness to command; those of a wbc.Plant with "
+                "foot='variable' have"
+            )
         return command.check(self.robot.joint_names)
 
     def _take(self, order: Any) -> None:

@@ -203,6 +203,13 @@ def test_a_feature_that_does_not_vary_counts_nothing() -> None:
         assert with_it.predict(v).stiffness == without.predict(v).stiffness
 
 
+def test_nobody_changes_a_model_that_others_use() -> None:
+    shared = default_model()
+    for values in (shared.features, shared.stiffness, shared.scale, shared.settings.clusters.centres):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1.0
+
+
 def test_the_default_model_has_the_papers_shape() -> None:
     """Trained on 1,920 walks over twelve grounds; ten neighbours, 20 clusters of 4 Nm/rad (docs/feet.md)."""
     made = default_model()

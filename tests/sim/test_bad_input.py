@@ -98,6 +98,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: make(scene=make_scene("wall", distance=0.05)), "wall"),
         (lambda: make(scene="rail").grip("left_hand", "lft handle"), "left handle"),
         (lambda: plant().push("torsso", [1, 0, 0], 0.1), "torso"),
+        (lambda: plant().push("universe", [1, 0, 0], 0.1), "no body 'universe'"),
         (lambda: plant().reset(2.0 * plant().robot.half_sitting), "quaternion"),
     ],
     "degrees": [

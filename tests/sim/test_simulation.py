@@ -144,7 +144,13 @@ def test_a_command_for_another_period_is_refused(make: Callable[..., Simulation]
 
 @pytest.mark.parametrize(
     "command",
-    [LIMP.joint_torque, Command(np.zeros(3)), Command(np.full(NA, np.nan)), replace(LIMP, kd=-np.ones(NA))],
+    [
+        LIMP.joint_torque,
+        Command(np.zeros(3)),
+        Command(np.full(NA, np.nan)),
+        replace(LIMP, kd=-np.ones(NA)),
+        replace(LIMP, sole_stiffness=np.ones(2)),
+    ],
 )
 def test_a_command_that_no_drive_follows_is_refused(make: Callable[..., Simulation], command: Any) -> None:
     simulation = make()
