@@ -84,23 +84,17 @@ class Stairs(_Climb):
         lead = (site.length - needed) / 2.0
         levels = [site.amplitude * i / n for i in range(n + 1)]
         x = site.x0 + lead
+        blocks = [(self.tread, level) for level in levels[1:-1]]  # length and height of each
         if self.direction == "down":
             yield self._block(site, site.x0, x, 0.0)
-            for level in levels[1:-1]:
-                yield self._block(site, x, x + self.tread, -level)
-                x += self.tread
-            return
-        for level in levels[1:-1]:
-            yield self._block(site, x, x + self.tread, level)
-            x += self.tread
+            blocks = [(length, -level) for length, level in blocks]
+        elif self.direction == "up_down":
+            blocks = [*blocks, (self.landing, site.amplitude), *reversed(blocks)]
+        for length, level in blocks:
+            yield self._block(site, x, x + length, level)
+            x += length
         if self.direction == "up":
             yield self._block(site, x, site.x1, site.amplitude)
-            return
-        yield self._block(site, x, x + self.landing, site.amplitude)
-        x += self.landing
-        for level in levels[-2:0:-1]:
-            yield self._block(site, x, x + self.tread, level)
-            x += self.tread
 
 
 @family("slope")
