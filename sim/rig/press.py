@@ -78,9 +78,7 @@ class Hold:
     sole_line: Points = field(repr=False)
     skeleton: Points = field(repr=False)
     loop_gap: float  # largest distance between the sides of the loop closure in the hold, m
-    loop_gap_peak: float  # the same from the start on, m
     penetration: float  # largest penetration in the hold, m
-    penetration_peak: float  # the same from the start on, m
     jitter: float  # root mean square of the sole hinge rates in the hold, rad/s
 
 
@@ -131,18 +129,17 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
     """
     rig = Rig(test)
     try:
-        impact, *peaks = _land(rig)
-        hold = _hold(rig, *peaks)
+        impact, hold = _land(rig), _hold(rig)
         polygon = _support(rig) if support and test.ankle_stiffness > 0.0 else None
     except DivergedError:
         return PressResult(diverged=True)
     return PressResult(False, impact, hold, polygon)
 
 
-def _land(rig: Rig) -> tuple[Impact, float, float]:
-    """Drop the foot; return impact, largest loop gap (m) and deepest penetration (m)."""
+def _land(rig: Rig) -> Impact:
+    """Drop the foot until it rests."""
     dt, start, touched = rig.test.physics.timestep, float(rig.ankle[2]), -1
-    speed = peak = upward = gap = depth = 0.0
+    speed = peak = upward = 0.0
     heat = np.zeros(2)
     for step in range(rig.steps(rig.test.settle)):
         before = rig.ankle_speed
@@ -151,13 +148,12 @@ def _land(rig: Rig) -> tuple[Impact, float, float]:
         if touched < 0 and force > 0.0:
             touched, speed = step, -before
         peak = max(peak, force)
-        gap, depth = max(gap, rig.loop_gap), max(depth, rig.depth)
         heat += rig.powers * dt
         if touched >= 0 and (step - touched) * dt <= REBOUND_TIME:
             upward = max(upward, rig.ankle_speed)
     energy = rig.weight * (start - float(rig.ankle[2]))
     rebound = 0.5 * rig.mass * upward**2
-    impact = Impact(
+    return Impact(
         speed=speed,
         peak_force=peak,
         drop_energy=energy,
@@ -167,10 +163,9 @@ def _land(rig: Rig) -> tuple[Impact, float, float]:
         rebound_energy=rebound,
         absorbed=1.0 - rebound / energy if energy > 0.0 else math.nan,
     )
-    return impact, gap, depth
 
 
-def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold:
+def _hold(rig: Rig) -> Hold:
     forces, gap, depth, rates = [], 0.0, 0.0, 0.0
     count = rig.steps(rig.test.hold)
     for _ in range(count):
@@ -198,9 +193,7 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold:
         sole_line=_rows(rig.sole_line()),
         skeleton=_rows(rig.skeleton()),
         loop_gap=gap,
-        loop_gap_peak=max(gap, gap_peak),
         penetration=depth,
-        penetration_peak=max(depth, depth_peak),
         jitter=math.sqrt(rates / count),
     )
 

@@ -167,7 +167,7 @@ class Terrain:
 
     def _check_size(self) -> None:
         """Check that the ground has a number of features that can be built."""
-        family, feature = self.parameters, self._feature
+        family, feature = self.parameters, self.parameters.feature_at(self.amplitude)
         counts: dict[str, tuple[float, int]] = {}
         if isinstance(family, FieldFamily):
             cell = family.cell(self.sole_radius)
@@ -184,11 +184,6 @@ class Terrain:
                     f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} {what}; at "
                     f"most {most:.3g} are built: shorten the track or coarsen the family"
                 )
-
-    @property
-    def _feature(self) -> float:
-        """Smallest feature of the ground, m."""
-        return self.parameters.feature_at(self.amplitude)
 
     @cached_property
     def surface(self) -> Ground:
@@ -258,7 +253,7 @@ class Terrain:
 
     def describe(self) -> dict[str, Any]:
         """Return all facts about the terrain as JSON values; names carry the units."""
-        ground = self.surface
+        ground, feature = self.surface, self.parameters.feature_at(self.amplitude)
         map_ = ground.field
         return {
             "terrain": self.name,
@@ -277,7 +272,7 @@ class Terrain:
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
-            "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
+            "smallest_feature_m": feature if math.isfinite(feature) else None,
             "areas": list(self.areas),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
         }
