@@ -242,4 +242,7 @@ def test_the_quaternion_of_a_motion_in_a_network_is_of_length_one() -> None:
     network = OnnxNetwork.__new__(OnnxNetwork)
     parts = [np.zeros((1, 2)), np.zeros((1, 2)), np.ones((1, 3)), np.array([[0.0, 0.0, 3.0, 4.0]])]
     network._frame, network.inputs, network._run = ["all"], 3, lambda *_: parts  # type: ignore[method-assign]
-    np.testing.assert_allclose(network.frame(0)[3], [0.0, 0.0, 0.6, 0.8])
+    network.holds_motion, network.metadata = True, {}
+    frames = network.motion("pelvis")
+    assert frames is not None
+    np.testing.assert_allclose(frames(0).anchor.rotation[:2, 0], [1.0 - 2.0 * 0.6**2, 2.0 * 0.6 * 0.8])

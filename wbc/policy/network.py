@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, choose, shown, shown_path
 from wbc.base.files import decoding
-from wbc.base.numbers import Array
 from wbc.core.conventions import rotation_of
 from wbc.core.frames import pose_of
 from wbc.policy.references import ClipFrame, Frames
@@ -159,22 +158,14 @@ class OnnxNetwork(Network):
         body = bodies.index(choose("body of the motion in the network", anchor, bodies)) if bodies[0] else 0
 
         def frames(step: int) -> ClipFrame:
-            position, velocity, place, quaternion = self.frame(step, body)
-            return ClipFrame(position, velocity, pose_of(rotation_of(quaternion), place))
+            parts = self._run(self._frame, np.zeros(self.inputs, np.float32), step)
+            position, velocity, place, quaternion = (np.array(part[0], dtype=float) for part in parts)
+            if quaternion.ndim == 2:  # of several bodies; see `QUATERNIONS`
+                place, quaternion = place[body], np.roll(quaternion[body], -1)
+            rotation = rotation_of(quaternion / np.linalg.norm(quaternion))
+            return ClipFrame(position, velocity, pose_of(rotation, place))
 
         return frames
-
-    def frame(self, step: int, body: int = 0) -> tuple[Array, Array, Array, Array]:
-        """Return a frame of the motion in the network, by its number.
-
-        The parts are positions, rad, and velocities, rad/s, of the joints, shape (joints,) each; place in the world,
-        shape (3,), m, and quaternion x, y, z, w, shape (4,), of a body.
-        """
-        parts = self._run(self._frame, np.zeros(self.inputs, np.float32), step)
-        position, velocity, place, quaternion = (np.array(part[0], dtype=float) for part in parts)
-        if quaternion.ndim == 2:  # of several bodies; see `QUATERNIONS`
-            place, quaternion = place[body], np.roll(quaternion[body], -1)
-        return position, velocity, place, quaternion / np.linalg.norm(quaternion)
 
     def _run(self, outputs: list[str], observation: NDArray[np.float32], step: int) -> list[Any]:
         given = {self._input: observation[None]}
