@@ -81,12 +81,14 @@ def _of_files(
     robot: Mechanism, make: Make[Any], stamps: tuple[tuple[str, Path, int, int], ...]
 ) -> dict[str, list[Any]]:
     """Return what is made of the shapes of each link, anew when a mesh has changed."""
-    found: dict[str, dict[str, list[Any]]] = {}
+    found: dict[str, list[Any]] = {shape.link: [] for shape in robot.shapes}
     files = {name: path for name, path, *_ in stamps}
-    for shape in robot.shapes:
-        if (made := make(shape, files.get(shape.file))) is not None:
-            found.setdefault(shape.link, {}).setdefault(shape.role, []).append(made)
-    return {link: roles.get("collision") or roles["visual"] for link, roles in found.items()}
+    for role in ("collision", "visual"):
+        left = [shape for shape in robot.shapes if shape.role == role and not found[shape.link]]
+        for shape in left:
+            if (made := make(shape, files.get(shape.file))) is not None:
+                found[shape.link].append(made)
+    return {link: shapes for link, shapes in found.items() if shapes}
 
 
 def _simple(shape: Geometry, path: Path | None) -> Geometry | None:
