@@ -399,7 +399,7 @@ class WalkingControl(SteeredControl):
         velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
 
         This order and the others to walk (`go_to`, `follow`) may be given in every tick: the same order once more
-        changes nothing, unless it was dropped.
+        changes nothing. One that was dropped (`source.reason`) is tried again after `stop`.
         """
         return None if self.source.steering is None else self.source.steering.target
 
@@ -461,8 +461,7 @@ class WalkingControl(SteeredControl):
         """Walk to a goal, by footsteps, or with a velocity."""
         steering, source = self._steering(), self.source
         order: object = (velocity, goal) if footsteps is None else footsteps
-        same = order is self._asked or (not isinstance(order, FootstepSource) and order == self._asked)
-        if same and not source.reason:
+        if order is self._asked or (not isinstance(order, FootstepSource) and order == self._asked):
             self.stopped = False
             return
         if any(velocity) or goal is not None or footsteps is not None:
