@@ -181,7 +181,7 @@ def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:
     dead.read = lambda timeout: bad  # type: ignore[method-assign]
     for machine, words in (
         (silent, "no measurement from the machine within 0.5 s"),
-        (other, r"has 29 joints, 'hrp4_class' has 34"),
+        (other, r"used within 0.5 s: joint_position must have shape \(34,\), got \(29,\)"),
         (dead, "no measurement that can be used within 0.5 s: encoder of "),
     ):
         with pytest.raises(MachineError, match=words):

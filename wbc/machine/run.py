@@ -13,8 +13,6 @@ import threading
 from collections.abc import Callable
 from typing import Annotated, Any
 
-import numpy as np
-
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive
@@ -110,8 +108,8 @@ class Runner:
                 the end.
 
         Raises:
-            MachineError: No measurement arrives, a measurement is that of another robot, the guard cannot use the
-                driver, or the joints could not be damped at the end.
+            MachineError: No measurement arrives that can be used, the guard cannot use the driver, or the joints could
+                not be damped at the end.
         """
         if self._ran:
             raise InputError("a Runner runs once: make another one")
@@ -182,15 +180,9 @@ class Runner:
     def _first(self) -> Measurement:
         """Return the first measurement that can be used."""
         wait, end = self.settings.first, self._clock.now() + self.settings.first
-        names = self.description.joint_names
         while True:
             got = self.driver.read(max(0.0, end - self._clock.now()))
             if got is not None:
-                if isinstance(got, Measurement) and np.shape(got.joint_position) != (len(names),):
-                    count = np.size(got.joint_position)
-                    raise MachineError(
-                        f"the machine has {count} joints, '{self.description.name}' has {len(names)}"
-                    )
                 self._inlet.take(got, self._clock.now())
             if self._inlet.good is not None:
                 return self._inlet.good
@@ -307,7 +299,7 @@ def run(
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        MachineError: No measurement arrives, a measurement is that of another robot, the guard cannot use the driver,
-            or the joints could not be damped at the end.
+        MachineError: No measurement arrives that can be used, the guard cannot use the driver, or the joints could not
+            be damped at the end.
     """
     return Runner(driver, control, rate, settings=settings, guard=guard).run(until)
