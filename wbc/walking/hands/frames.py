@@ -7,11 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array, finite_array, lag_gain
-from wbc.core.frames import heading, pose, pose_of, yaw_rotation
+from wbc.base.numbers import ROUNDING, Array, lag_gain
+from wbc.core.frames import heading, pose_of, yaw_rotation
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import SIDES
 from wbc.core.trajectories import Follower
@@ -37,14 +35,18 @@ FrameMotion = tuple[pin.SE3, Array, Array]
 
 
 class TargetFrames:
-    """Frames of one robot and of the objects about it."""
+    """Frames of one robot and of the objects about it.
+
+    Attributes:
+        objects: Name → motion of an object; `Arms.place` says where it is.
+    """
 
     def __init__(self, controller: Controller) -> None:
         """Begin without objects."""
         self._controller, self._robot = controller, controller.robot
         self._base = self._robot.frame_id(self._robot.base_frame)
         self._pelvis = self._robot.placement(self._base)
-        self._objects: dict[str, FrameMotion] = {}
+        self.objects: dict[str, FrameMotion] = {}
         # Point and heading, and the low-passed middle of the feet, while they are used.
         self._feet: tuple[Follower[Array], Follower[float]] | None = None
         self._lagging = np.zeros(3)
@@ -52,17 +54,7 @@ class TargetFrames:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all frames."""
-        return (WORLD, PELVIS, FEET, *self._objects)
-
-    def place(self, name: str, where: pin.SE3 | None, velocity: ArrayLike | None = None) -> None:
-        """State where an object is, or forget it; see `Arms.place`."""
-        if name in (WORLD, PELVIS, FEET):
-            raise InputError(f"the name of an object must not be '{name}'")
-        if where is None:
-            self._objects.pop(name, None)
-            return
-        moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
-        self._objects[name] = pose(f"pose of '{name}'", where), moving, REST
+        return (WORLD, PELVIS, FEET, *self.objects)
 
     def begin(self, name: str) -> None:
         """Let the frame of this name begin to follow what it belongs to, if it does not yet."""
@@ -111,7 +103,7 @@ class TargetFrames:
                 acceleration = acceleration + pin.getFrameJacobian(*at) @ solution.accelerations
             return self._pelvis, pin.getFrameVelocity(*at).vector, acceleration
         if name != FEET:
-            return self._objects[name]
+            return self.objects[name]
         if self._feet is None:
             middle = _between(*(robot.placement(sole.frame).translation for sole in robot.soles))
             return pose_of(yaw_rotation(heading(self._pelvis.rotation)), middle), REST, REST

@@ -18,13 +18,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, choose
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, finite_array
+from wbc.core.frames import pose
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.walking.hands.arm import Arm, ArmSettings
-from wbc.walking.hands.frames import FEET, TargetFrames
+from wbc.walking.hands.frames import FEET, PELVIS, WORLD, TargetFrames
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.plans.swing import FootMotion
+from wbc.walking.plans.swing import REST, FootMotion
 from wbc.walking.tasks import WalkTasks
 
 SIGNS = {"left_hand": 1.0, "right_hand": -1.0}
@@ -74,13 +75,18 @@ class Arms:
             velocity: Velocity of its origin and angular velocity in world axes, shape (6,), m/s and rad/s; at rest when
                 None.
         """
-        if where is None:
-            bound = [arm.name for arm in self.all.values() if arm.active and arm.within == name]
-            if bound:
-                raise InputError(
-                    f"'{name}' is forgotten once no hand goes by it: release {bound[0]}, and wait until it is inactive"
-                )
-        self._frames.place(name, where, velocity)
+        if name in (WORLD, PELVIS, FEET):
+            raise InputError(f"the name of an object must not be '{name}'")
+        if where is not None:
+            moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
+            self._frames.objects[name] = pose(f"pose of '{name}'", where), moving, REST
+            return
+        bound = [arm.name for arm in self.all.values() if arm.active and arm.within == name]
+        if bound:
+            raise InputError(
+                f"'{name}' is forgotten once no hand goes by it: release {bound[0]}, and wait until it is inactive"
+            )
+        self._frames.objects.pop(name, None)
 
     def update(
         self,
