@@ -373,8 +373,9 @@ def in_units(values: T, units: Mapping[str, float | tuple[float, ...]]) -> T:
         return units.get(next(named, ""), 1.0)
 
     changes: dict[str, Any] = {}
-    for name, hint in _hints(typing.cast(type, type(values))).items():
-        value, unit = getattr(values, name), factor(hint)
+    hints = _hints(typing.cast(type, type(values)))
+    for name in (field.name for field in dataclasses.fields(values)):  # type: ignore[arg-type]
+        value, unit = getattr(values, name), factor(hints[name])
         if isinstance(value, tuple):
             unit = unit if isinstance(unit, tuple) else (unit,) * len(value)
             changes[name] = tuple(v * u for v, u in zip(value, unit, strict=True))

@@ -113,10 +113,6 @@ class PlanPhases:
 
     # ---- changes ------------------------------------------------------------------------------------------------
 
-    def advance(self, dt: float) -> None:
-        """Go on by a tick, s."""
-        self.elapsed += dt
-
     def set_landing(self, landing: Footstep, *, carry: bool = True, left: float | None = None) -> None:
         """Set the landing of the foot that swings, and the time left until then, s; see `FootstepPlan.with_step`."""
         self.plan = self.plan.with_step(self.step, landing, carry=carry)

@@ -334,7 +334,7 @@ class LipmWalk(ReferenceSource):
         phases, course, feet = self.phases, self.course, self.feet
         self.time += self.dt
         course.advance(self.dt)
-        phases.advance(self.dt)
+        phases.elapsed += self.dt
         if phases.phase is not GaitPhase.STANDING:
             feet.drift.turn(turned)
         events = self._started + self._change_phase(loads, feet.places if soles is None else soles, measured)

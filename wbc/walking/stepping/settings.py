@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from itertools import pairwise
-from typing import Annotated, NamedTuple, NoReturn, TypeVar
+from typing import Annotated, ClassVar, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -108,14 +108,18 @@ class RobotSize:
         )
 
 
-def _refuse_falling(constants: object, *orders: tuple[str, ...]) -> None:
-    """Raise an `InputError` for constants, given by their names, whose numbers do not grow in this order."""
-    for names in orders:
-        numbers = [number for name in names for number in np.ravel(getattr(constants, name)).tolist()]
-        if any(low >= high for low, high in pairwise(numbers)):
-            raise InputError(
-                f"numbers of {', '.join(names)} must grow in this order, got {', '.join(map('{:g}'.format, numbers))}"
-            )
+class _Constants:
+    """Base of constants of which some must grow in an order."""
+
+    _orders: ClassVar[tuple[tuple[str, ...], ...]] = ()  # names whose numbers grow from one to the next
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that do not grow."""
+        for names in self._orders:
+            numbers = [number for name in names for number in np.ravel(getattr(self, name)).tolist()]
+            if any(low >= high for low, high in pairwise(numbers)):
+                got = ", ".join(map("{:g}".format, numbers))
+                raise InputError(f"numbers of {', '.join(names)} must grow in this order, got {got}")
 
 
 @settings
@@ -134,7 +138,7 @@ class TimeConstants:
 
 
 @settings
-class AreaConstants:
+class AreaConstants(_Constants):
     """Contact of the foot that stands: its centre of pressure, and the area of the sole that is supported."""
 
     # Carrying point, ahead of the centre of the sole: between centre and ankle either of them can hold a moment.
@@ -159,13 +163,11 @@ class AreaConstants:
     slow_width: Annotated[Positive, "h"] = 0.04  # half of the supported width from which on steps are slow
     held_gain: tuple[Share, Share] = (0.8, 0.3)  # weight of the last step in this width, if less and if more
 
-    def __post_init__(self) -> None:
-        """Refuse numbers that do not grow."""
-        _refuse_falling(self, ("trusted",), ("even",), ("still", "turning"))
+    _orders = (("trusted",), ("even",), ("still", "turning"))
 
 
 @settings
-class TouchConstants:
+class TouchConstants(_Constants):
     """Contact of the foot in the air, the foot that takes over, and the forces of both."""
 
     patience: Positive = 1.5  # offset of ξ over that of the orbit up to which the next step is long enough
@@ -192,14 +194,12 @@ class TouchConstants:
     held: Force = 0.18  # of the other foot, which must hold while a foot loses the ground: else both fly
     lost_time: Time = 0.12  # time for which the foot must have lost the ground
 
-    def __post_init__(self) -> None:
-        """Refuse a foot that would bear less than it has to, or lose the ground by a force with which it meets it."""
-        borne = ("least_force", "share", "met", "held", "carried")
-        _refuse_falling(self, ("lost", "met"), *((name, "most_force") for name in borne))
+    _borne = ("least_force", "share", "met", "held", "carried")  # a foot can bear all of these
+    _orders = (("lost", "met"), *zip(_borne, ["most_force"] * len(_borne), strict=True))
 
 
 @settings
-class SwingConstants:
+class SwingConstants(_Constants):
     """Motion of the foot in the air, and the ground that it is to meet; shares are of the time of the step."""
 
     apex: Share = 0.42  # share at which the foot is highest
@@ -226,9 +226,7 @@ class SwingConstants:
     choice: Share = 0.15  # share from which on a place on seen ground is chosen
     again: Length = 0.03  # move of the program's landing from which on another place is chosen
 
-    def __post_init__(self) -> None:
-        """Refuse numbers that do not grow."""
-        _refuse_falling(self, ("urgent",), ("apex", "touch"), ("landing_speed", "hardest"))
+    _orders = (("urgent",), ("apex", "touch"), ("landing_speed", "hardest"))
 
     @property
     def quickest(self) -> float:
@@ -253,7 +251,7 @@ class StandConstants:
 
 
 @settings
-class PathConstants:
+class PathConstants(_Constants):
     """Steering: the way to a goal and along a path."""
 
     near: Length = 0.8  # distance within which a goal is walked to without being faced: turns cost steps
@@ -269,9 +267,7 @@ class PathConstants:
     drift_speed: Speed = 0.041  # greatest velocity of the way back to the path
     pelvis_turn: Angle = 0.35  # greatest angle of the pelvis from the heading: a push may turn it
 
-    def __post_init__(self) -> None:
-        """Refuse a goal that is reached before it is near."""
-        _refuse_falling(self, ("arrived", "near"))
+    _orders = (("arrived", "near"),)
 
 
 @settings
