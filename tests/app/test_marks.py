@@ -275,6 +275,7 @@ def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
     for marks, told in (
         ([mark], [("show", "m")]),
         ([mark], []),
+        ([replace(mark, kind="cloud")], [("erase", "m"), ("show", "m")]),
         ([], [("erase", "m")]),
         ([mark], [("show", "m")]),
     ):

@@ -181,3 +181,14 @@ def test_a_page_shows_the_last_picture_whatever_it_showed_before(kind: str, seed
     assert one.keys() == two.keys()
     for name, shown in one.items():
         np.testing.assert_equal(shown, two[name], err_msg=str(name))
+
+
+def test_a_run_that_was_reset_begins_anew_in_rerun() -> None:
+    """In the same recording, what the run had shown at later times would still be there."""
+    page, stage = RerunPage(), stage_of("robot", 0.3)
+    page.begin(stage)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rerun.RecordingStream", page.recording)
+        for time, recordings in ((0.0, 1), (1.0, 1), (1.0, 1), (0.5, 2), (0.6, 2)):
+            page.view._send(picture(np.random.default_rng(1), time))
+            assert len(page.recordings) == recordings

@@ -276,12 +276,8 @@ def _add_measurement(signals: Signals, tick: Tick) -> None:
     measured("imu/angular_velocity", XYZ, "rad/s", "gyroscope, IMU frame", "angular_velocity")
     about = "accelerometer: acceleration minus gravity, IMU frame"
     measured("imu/specific_force", XYZ, "m/s²", about, "specific_force")
-    _add_wrenches(
-        signals,
-        [f"foot/{foot}/wrench_measured" for foot in feet],
-        "of the ground on the sole, sole frame",
-        lambda t: t.measurement.sole_wrench,
-    )
+    about = "of the ground on the sole, sole frame"
+    _add_wrenches(signals, "foot", feet, about, lambda t: t.measurement.sole_wrench)
     if len(first.sole_range) == len(feet):  # that of a robot with other than two is a default
         about = "range sensor under the toe; NaN without an echo"
         signals.each([f"foot/{foot}/range" for foot in feet], "m", about, lambda t: t.measurement.sole_range)
@@ -293,18 +289,14 @@ def _add_measurement(signals: Signals, tick: Tick) -> None:
     if first.hand_wrenches is not None:
         count = len(first.hand_wrenches)
         hands = list(robot.frames) if len(robot.frames) == count else range(count)
-        _add_wrenches(
-            signals,
-            [f"hand/{hand}/wrench_measured" for hand in hands],
-            "on the hand, less its own weight, frame of the hand",
-            lambda t: t.measurement.hand_wrenches,
-        )
+        about = "on the hand, less its own weight, frame of the hand"
+        _add_wrenches(signals, "hand", hands, about, lambda t: t.measurement.hand_wrenches)
 
 
 def _add_wrenches(
-    signals: Signals, names: Sequence[str], about: str, read: Callable[[Tick], Array | None]
+    signals: Signals, kind: str, names: Sequence[object], about: str, read: Callable[[Tick], Array | None]
 ) -> None:
-    parts = [f"{name}/{axis}" for name in names for axis in WRENCH]
+    parts = [f"{kind}/{name}/wrench_measured/{axis}" for name in names for axis in WRENCH]
     flat = TickPart(read)(lambda wrenches: wrenches.ravel())
     signals.each(parts, WRENCH_UNITS * len(names), about, flat)
 

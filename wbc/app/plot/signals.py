@@ -94,15 +94,8 @@ def _draw_numbers(ax: Axes, logs: Sequence[Log], names: Sequence[str]) -> None:
             known = np.isfinite(values)
             isolated = known & ~np.roll(known, 1) & ~np.roll(known, -1)
             marker = "." if isolated.any() else ""  # values once a step
-            ax.plot(
-                log.time,
-                values,
-                linestyle=style,
-                marker=marker,
-                color=COLOURS[k % len(COLOURS)],
-                linewidth=1.0,
-                label=shown,
-            )
+            colour, time = COLOURS[k % len(COLOURS)], log.time
+            ax.plot(time, values, marker=marker, linestyle=style, color=colour, linewidth=1.0, label=shown)
 
 
 def _draw_text(ax: Axes, logs: Sequence[Log], name: str) -> None:
@@ -112,14 +105,8 @@ def _draw_text(ax: Axes, logs: Sequence[Log], name: str) -> None:
     places = {text: i for i, text in enumerate(levels)}
     for j, (log, texts) in enumerate(columns):
         values = np.array([np.nan if text is None else places[text] for text in texts])
-        ax.plot(
-            log.time,
-            values + 0.08 * j,
-            ".",
-            markersize=3.0,
-            color=COLOURS[j % len(COLOURS)],
-            label=labels(logs)[j] if len(logs) > 1 else None,
-        )
+        colour, label = COLOURS[j % len(COLOURS)], labels(logs)[j] if len(logs) > 1 else None
+        ax.plot(log.time, values + 0.08 * j, ".", markersize=3.0, color=colour, label=label)
     ax.set_yticks(range(len(levels)), levels, fontsize=8)
     ax.set_ylim(-0.5, len(levels) - 0.5)
     ax.set_ylabel(name)

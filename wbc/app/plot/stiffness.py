@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -54,16 +54,10 @@ def _one_range(ax: Axes, log: Log, name: str) -> None:
 
 def _one_stiffness(ax: Axes, log: Log, name: str) -> None:
     for side in SIDES:
-        colour = SIDE_COLOURS[side]
-        ax.plot(log.time, log[f"foot/{side}/stiffness"], color=colour, linewidth=1.2, label=f"{side} actual")
-        ax.plot(
-            log.time,
-            log[f"foot/{side}/stiffness_command"],
-            "--",
-            color=colour,
-            linewidth=1.0,
-            label=f"{side} commanded",
-        )
+        colour, time, signal = SIDE_COLOURS[side], log.time, f"foot/{side}/stiffness"
+        ax.plot(time, log[signal], color=colour, linewidth=1.2, label=f"{side} actual")
+        wanted = log[f"{signal}_command"]
+        ax.plot(time, wanted, "--", color=colour, linewidth=1.0, label=f"{side} commanded")
     ax.set_ylabel("stiffness (Nm/rad)")
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time (s)")
@@ -77,16 +71,10 @@ def _one_ground(ax: Axes, log: Log, name: str) -> None:
     steps = scans(log)
     ax.set_visible(bool(steps))
     for side, x, z, stiffness in steps:
-        ax.plot(x, 1e3 * z, color=SIDE_COLOURS[side], linewidth=1.3)
-        ax.annotate(
-            f"{stiffness:.0f}",
-            (float(x[z.argmax()]), 1e3 * float(z.max())),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="center",
-            fontsize=7,
-            color=SIDE_COLOURS[side],
-        )
+        colour, top = SIDE_COLOURS[side], (float(x[z.argmax()]), 1e3 * float(z.max()))
+        ax.plot(x, 1e3 * z, color=colour, linewidth=1.3)
+        above: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center"}
+        ax.annotate(f"{stiffness:.0f}", top, fontsize=7, color=colour, **above)
     for side in SIDES:
         ax.plot([], [], color=SIDE_COLOURS[side], label=f"{side}, stiffness in Nm/rad")
     ax.set(xlabel="along the walk (m)", ylabel="scanned ground (mm)")

@@ -28,6 +28,7 @@ def draw_study(table: StudyTable) -> Figure:
     figure = new_figure(7.0, height)
     ((axes,),) = grid(figure, 1, 1)
     for k, arm in enumerate(arms):
+        colour = COLOURS[k % len(COLOURS)]
         aside = (k - 0.5 * (len(arms) - 1)) * 0.7 / len(arms)
         for row, name in enumerate(table.rows):
             cell = cells.get((name, arm))
@@ -36,16 +37,9 @@ def draw_study(table: StudyTable) -> Figure:
             mean, low, high = cell.estimate.mean, cell.estimate.low, cell.estimate.high
             known = low is not None and high is not None and cell.estimate.layouts >= FEW
             whiskers = [[mean - low], [high - mean]] if known else None  # type: ignore[operator]
-            axes.errorbar(
-                mean,
-                row + aside,
-                xerr=whiskers,
-                fmt="o",
-                markersize=4.5,
-                capsize=2.5,
-                color=COLOURS[k % len(COLOURS)],
-            )
-        axes.plot([], [], "o", color=COLOURS[k % len(COLOURS)], label=arm)
+            y = row + aside
+            axes.errorbar(mean, y, xerr=whiskers, fmt="o", markersize=4.5, capsize=2.5, color=colour)
+        axes.plot([], [], "o", color=colour, label=arm)
     axes.set_yticks(range(len(table.rows)), table.rows)
     axes.set_ylim(len(table.rows) - 0.5, -0.5)
     which = ", completed walks alone" if table.completed_only else ""

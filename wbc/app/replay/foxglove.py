@@ -94,12 +94,8 @@ class FoxgloveScene(DrawnScene):
     def draw(self, picture: Picture) -> None:
         """See `DrawnScene`."""
         messages, when = self._messages, {"log_time": _nanoseconds(picture.time)}
-        self._at, self._places, self._shapes, self._clouded = (
-            _timestamp(messages, picture.time),
-            [],
-            [],
-            False,
-        )
+        self._at, self._clouded = _timestamp(messages, picture.time), False
+        self._places, self._shapes = [], []
         super().draw(picture)
         self._tf.log(messages.FrameTransforms(transforms=self._places), **when)
         if self._shapes:
@@ -109,17 +105,11 @@ class FoxgloveScene(DrawnScene):
             self._map.log(self._all(clouds=True), **when)
 
     def _move(self, body: int) -> None:
-        messages, (x, y, z) = self._messages, self.stage.data.xpos[body].tolist()
-        w, *turn = self.stage.data.xquat[body].tolist()
-        self._places.append(
-            messages.FrameTransform(
-                timestamp=self._at,
-                parent_frame_id=WORLD,
-                child_frame_id=self._names[body],
-                translation=messages.Vector3(x=x, y=y, z=z),
-                rotation=messages.Quaternion(**dict(zip("xyz", turn, strict=True)), w=w),
-            )
-        )
+        messages, data, child = self._messages, self.stage.data, self._names[body]
+        place = messages.Vector3(**dict(zip("xyz", data.xpos[body].tolist(), strict=True)))
+        turn = messages.Quaternion(**dict(zip("wxyz", data.xquat[body].tolist(), strict=True)))
+        parts = {"parent_frame_id": WORLD, "child_frame_id": child, "translation": place, "rotation": turn}
+        self._places.append(messages.FrameTransform(timestamp=self._at, **parts))
 
     def _paint(self, number: int, colour: Colour) -> None:
         body, _, mesh = self.meshes[number]

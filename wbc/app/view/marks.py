@@ -44,6 +44,9 @@ STIFF_COLOUR: Colour = (0.50, 0.10, 0.45, 1.0)
 LIFT = 0.004
 """Height of marks above the ground, m: at the same height both would flicker."""
 
+UP = np.array([0.0, 0.0, LIFT])
+"""Way of a mark up to that height, m."""
+
 LINE = 0.006
 """Width of outlines, m."""
 
@@ -194,46 +197,31 @@ def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
 
 def planned_step(number: int, side: str, corners: Array) -> Mark:
     """Return the outline of a planned footstep."""
-    closed = np.concatenate([corners, corners[:1]]) + (0.0, 0.0, LIFT)
-    return Mark(
-        f"planned step {number}",
-        "line",
-        closed,
-        SIDE_COLOURS[side],
-        meaning=f"{side} footstep, planned (outline)",
-    )
+    closed, meaning = np.concatenate([corners, corners[:1]]), f"{side} footstep, planned (outline)"
+    return Mark(f"planned step {number}", "line", closed + UP, SIDE_COLOURS[side], meaning=meaning)
 
 
 def real_step(number: int, side: str, corners: Array) -> Mark:
     """Return the area of a footstep where the foot stood."""
     colour = (*SIDE_COLOURS[side][:3], 0.35)
-    return Mark(f"real step {number}", "area", corners + (0.0, 0.0, LIFT), colour, meaning=f"{side} footstep")
+    return Mark(f"real step {number}", "area", corners + UP, colour, meaning=f"{side} footstep")
 
 
 def scan_mark(number: int, points: Array) -> Mark:
     """Return the ground that a range sensor has scanned in a swing, shape (n, 3), m."""
-    return Mark(
-        f"scan {number}", "line", points + (0.0, 0.0, LIFT), SCAN_COLOUR, 2.0 * LINE, "ground as scanned"
-    )
+    return Mark(f"scan {number}", "line", points + UP, SCAN_COLOUR, 2.0 * LINE, "ground as scanned")
 
 
 def ground_mark(points: Array) -> Mark:
     """Return the cells of the ground that are known, shape (n, 3), m."""
-    lifted = points + (0.0, 0.0, LIFT)
-    return Mark("known ground", "cloud", lifted, GROUND_COLOUR, 0.5 * LINE, "ground as seen")
+    return Mark("known ground", "cloud", points + UP, GROUND_COLOUR, 0.5 * LINE, "ground as seen")
 
 
 def ring(name: str, colour: Colour, centre: Array, scale: Scale) -> Mark:
     """Return the ring of a planned point."""
     angle, radius = np.linspace(0.0, math.tau, 17), 1.6 * POINT * scale.height
     circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(17)], axis=1)
-    return Mark(
-        f"{name} planned",
-        "line",
-        centre + circle + (0.0, 0.0, LIFT),
-        colour,
-        meaning=f"{name} as planned (ring)",
-    )
+    return Mark(f"{name} planned", "line", centre + circle + UP, colour, meaning=f"{name} as planned (ring)")
 
 
 def stiffness_colour(stiffness: float) -> Colour:

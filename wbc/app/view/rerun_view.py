@@ -100,13 +100,10 @@ class RerunView(View):
             ) from missing
         data = free_port(0)
         options = {"--bind": LOCAL, "--port": data, "--web-viewer-port": port, "--server-memory-limit": "1GB"}
+        words = [str(word) for option in options.items() for word in option]
         self._told = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the server
         self._server = subprocess.Popen(
-            [
-                Path(rerun_cli.__file__).parent / "rerun",
-                "--serve-web",
-                *(str(w) for o in options.items() for w in o),
-            ],
+            [Path(rerun_cli.__file__).parent / "rerun", "--serve-web", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._told,

@@ -44,7 +44,10 @@ class DrawnScene(ABC):
         for name in self._marks.keys() - {mark.name for mark in picture.marks}:
             self._erase(self._marks.pop(name))
         for mark in picture.marks:
-            if mark.name not in self._marks or not mark.looks_like(self._marks[mark.name]):
+            shown = self._marks.get(mark.name)
+            if shown is None or not mark.looks_like(shown):
+                if shown is not None and shown.kind != mark.kind:
+                    self._erase(shown)
                 self._marks[mark.name] = mark
                 self._show(mark)
         self.meanings |= legend(picture)
@@ -59,7 +62,7 @@ class DrawnScene(ABC):
 
     @abstractmethod
     def _show(self, mark: Mark) -> None:
-        """Show a mark, in the place of the one of its name."""
+        """Show a mark, in the place of the one of its name, which is of its kind."""
 
     @abstractmethod
     def _erase(self, mark: Mark) -> None:

@@ -121,19 +121,14 @@ class ViserScene(DrawnScene):
             )
 
     def _show(self, mark: Mark) -> None:
-        (vertices, faces), node = mark_mesh(mark), self._beside.get(mark.name)
-        if node is not None and np.array_equal(node.faces, faces):
+        (vertices, faces), node, look = mark_mesh(mark), self._beside.get(mark.name), paint(mark.colour)
+        if node is not None and node.vertices.shape == vertices.shape:
             node.vertices = vertices.astype(np.float32)
-            node.color, node.opacity = paint(mark.colour).values()
+            node.color, node.opacity = look.values()
         else:
-            self._beside[mark.name] = self._nodes.add_mesh_simple(
-                f"{ROOT}/marks/{mark.name}",
-                vertices,
-                faces,
-                **paint(mark.colour),
-                side="double",
-                cast_shadow=False,
-            )
+            look |= {"side": "double", "cast_shadow": False}
+            name = f"{ROOT}/marks/{mark.name}"
+            self._beside[mark.name] = self._nodes.add_mesh_simple(name, vertices, faces, **look)
 
     def _erase(self, mark: Mark) -> None:
         self._beside.pop(mark.name).remove()

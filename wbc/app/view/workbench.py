@@ -249,14 +249,10 @@ class Gizmo:
         """Make it among the nodes of viser's scene, of a size in m."""
         self._task, self._order, self._held = task, order, False
         self._turns, self._moves = np.shape(task.target) != (3,), np.shape(task.target) != (3, 3)
+        name, still = f"{ROOT}/gizmos/{task.name.replace('/', '_')}", not self._moves
+        fixed = {"disable_axes": still, "disable_sliders": still, "disable_rotations": not self._turns}
         self._handle = nodes.add_transform_controls(
-            f"{ROOT}/gizmos/{task.name.replace('/', '_')}",
-            scale=size,
-            disable_axes=not self._moves,
-            disable_sliders=not self._moves,
-            disable_rotations=not self._turns,
-            depth_test=False,
-            visible=False,
+            name, scale=size, depth_test=False, visible=False, **fixed
         )
         when(self._handle.on_update, self._take)
 

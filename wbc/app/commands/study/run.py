@@ -116,11 +116,9 @@ def run(
         f"{chosen.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
         f"{summary.seconds:.0f} s{rate}",
         counts,
-        *(
-            f"{one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}"
-            for one in failed[:PRINTED]
-        ),
     ]
+    for one in failed[:PRINTED]:
+        lines.append(f"{one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}")
     if len(failed) > PRINTED:
         lines.append(f"and {len(failed) - PRINTED} more, which --json names")
     return output.report(data, "\n  ".join(lines))
