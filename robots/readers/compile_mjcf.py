@@ -84,20 +84,19 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     if content.lstrip().startswith("<"):
         content.encode()  # surrogates, which no XML holds, are a ValueError
         _refuse_other_formats("MJCF string", content)
-        refuse_pipes(Path(), content)
+        _refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
-    refuse_pipes(path.parent, read_xml(path, "MJCF"))
+    _refuse_pipes(path.parent, read_xml(path, "MJCF"))
     texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
     return where, lambda: _spec_of(path, texts)
 
 
-def read_spec(path: Path) -> mujoco.MjSpec:
-    """Return the spec of an MJCF file of any ending and encoding; its meshes are looked for beside it."""
-    refuse_pipes(path.parent, read_xml(path, "MJCF"))
-    return _spec_of(path, _texts(path))
+def read_spec(source: str | Path) -> mujoco.MjSpec:
+    """Return the spec of an MJCF: the XML itself, or a file of any ending and encoding, with its meshes beside it."""
+    return _source(source)[1]()
 
 
 def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
@@ -117,7 +116,7 @@ def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
     return spec
 
 
-def refuse_pipes(folder: Path, text: str) -> None:
+def _refuse_pipes(folder: Path, text: str) -> None:
     """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
 
     Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF. Any name may be

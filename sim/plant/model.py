@@ -18,7 +18,7 @@ from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier
 from wbc.robots.mechanism import FARTHEST, WORLD_LINK, Mechanism, placed, principal
-from wbc.robots.readers.compile_mjcf import read_spec, refuse_pipes
+from wbc.robots.readers.compile_mjcf import read_spec
 from wbc.sim.plant.fitting import ankle_soles
 from wbc.sim.plant.grips import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.link_geoms import add_body_shapes, add_stage, add_visuals, drop_meshes
@@ -237,11 +237,8 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
             scene = source.spec()
         elif isinstance(source, mujoco.MjSpec):
             scene = source.copy()
-        elif isinstance(source, str) and source.lstrip().startswith("<"):
-            refuse_pipes(Path(), source)
-            scene = mujoco.MjSpec.from_string(source)
         else:
-            scene = read_spec(Path(source).expanduser())
+            scene = read_spec(source)
         scene.copy().compile()
     except (ValueError, OSError) as error:
         raise InputError(f"scene cannot be read: {str(error).splitlines()[0]}") from error

@@ -145,7 +145,6 @@ class WrenchEstimator:
             gains = robot.servos.kp, robot.servos.kd
         self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), dt, delay)
         self._dt = dt
-        self.source: WrenchSource = "commanded torques"
         self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         n, nv = len(self._frames), robot.nv
@@ -169,6 +168,7 @@ class WrenchEstimator:
         """Forget the past: the robot stands still on all soles."""
         self._residual.reset()
         self._sent.reset()
+        self.source: WrenchSource = "commanded torques"
         self._time = math.nan  # of the last measurement with torques, s
         self.contact = [True] * len(self._frames)
         self.wrench[:], self.outside[:] = 0.0, 0.0
