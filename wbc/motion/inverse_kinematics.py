@@ -81,8 +81,9 @@ def inverse_kinematics(
         for task, frame in zip(trunk, frames, strict=True):
             task.target = data.oMf[frame].rotation
         posture.target, balance.target = reference[7:], com[i]
-        for foot, sole, weight in zip(feet, soles[i], weights[i], strict=True):
-            foot.target, foot.weight = sole, weight
+        for side, foot in enumerate(feet):
+            if not i or soles[i][side] is not soles[i - 1][side] or weights[i, side] != weights[i - 1, side]:
+                foot.target, foot.weight = soles[i][side], weights[i, side]
         np.clip(result[i, 7:], limits.lower, limits.upper, out=result[i, 7:])
         ik.update(result[i])
         result[i] = ik.reach(SMALL, ITERATIONS).configuration
