@@ -210,7 +210,7 @@ def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:
     guard = PolicyGuard(PolicyControl(robot, Known(3, robot.na), DT, description=about))
     run_guard(plant, guard, 0.3)
     guard.take_over()
-    run_guard(plant, guard, 1.0)
+    run_guard(plant, guard, 0.5)
     guard.velocity = (0.15, 0.0, 0.0)
     run_guard(plant, guard, 2.5)
     assert guard.fallen is None and guard.steps_done >= 2 and plant.truth().com[0] > 0.1

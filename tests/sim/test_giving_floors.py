@@ -75,7 +75,7 @@ def test_a_sole_tilts_by_the_second_moment_of_its_area(axis: str, stiff: str) ->
     joint = rig.model.joint(axis)
     before = float(rig.data.qpos[joint.qposadr[0]])
     rig.data.qfrc_applied[joint.dofadr[0]] = moment
-    for _ in range(rig.steps(1.5)):
+    for _ in range(rig.steps(1.0)):
         rig.step()
     angle = float(rig.data.qpos[joint.qposadr[0]]) - before
     height = float(rig.data.body("carriage").xpos[2])
@@ -88,7 +88,7 @@ def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
     middle, soft = 1.8, STIFFNESS
     ground = terrain("flat", floor_stiffness=2.0 * soft, areas=(0.0, middle, None, None, "stiffness", soft))
     rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
-    for _ in range(rig.steps(1.5)):
+    for _ in range(rig.steps(1.0)):
         rig.step()
     geoms = [rig.model.geom(name).id for name in rig.foot.contact_geoms]
     areas, depth = depths(rig)
@@ -102,7 +102,7 @@ def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
 def test_a_rigid_floor_gives_on_its_stretches_alone(place: float) -> None:
     ground = terrain("flat", areas=(1.8, 5.0, None, None, "stiffness", STIFFNESS))
     rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
-    for _ in range(rig.steps(1.5)):
+    for _ in range(rig.steps(1.0)):
         rig.step()
     size = rig.foot.fit.sole
     static = rig.mass * GRAVITY / (STIFFNESS * size.length * size.width)

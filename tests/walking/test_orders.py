@@ -214,7 +214,7 @@ def test_an_order_in_the_middle_of_a_plan_takes_its_place_in_the_next_step(order
     else:
         walking.go_to(2.0, 0.0, 0.0)
     phases = set()
-    for _ in range(30):
+    for _ in range(20):
         run(plant, walking, 0.05)
         phases.add(walking.progress.phase)
         assert walking.velocity == ((0.5, 0.0, 0.0) if order == "velocity" else None) and not walking.done
