@@ -399,7 +399,7 @@ class WalkingControl(SteeredControl):
         velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
 
         This order and the others to walk (`go_to`, `follow`) may be given in every tick: the same order once more
-        changes nothing. One that was dropped (`source.reason`) is tried again after `stop`.
+        changes nothing. After `stop` it counts anew, also one that is done or was dropped (`source.reason`).
         """
         return None if self.source.steering is None else self.source.steering.target
 
