@@ -164,7 +164,6 @@ def build_rigid(
     ]
     site = add_range_site(body, side, (length / 2.0 - TOE_TO_RANGE, 0.0, contact.radius))
     return FootParts(
-        side=side,
         fit=fit,
         body=body.name,
         wrench_site=part(side, "sole"),

@@ -18,7 +18,6 @@ class FootParts:
     """Names of a built foot's body, sites, sensors, geoms and joints in its MuJoCo model.
 
     Attributes:
-        side: "left" or "right".
         fit: Rectangle, inertia and height of the foot under its ankle.
         body: Body welded to the ankle link, root of all other bodies of the foot; its frame is the sole frame.
         wrench_site: Site of the force sensor, at the sole centre in sole axes.
@@ -35,7 +34,6 @@ class FootParts:
         loop_sites: Sites on the arch and on the sole that the loop closure holds together; None without an arch.
     """
 
-    side: str
     fit: FootFit
     body: str
     wrench_site: str

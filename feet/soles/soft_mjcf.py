@@ -63,7 +63,6 @@ class SoftFootBuilder:
         arch_joint, loop_sites = self._add_frontal_arch()
         hinges = tuple(self._hinges)
         return FootParts(
-            side=self.side,
             fit=self.fit,
             body=self.body.name,
             wrench_site=part(self.side, "sole"),
