@@ -14,6 +14,7 @@ from task_factory import arm, left_hand, right_hand, standing
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import (
     Coordinates,
@@ -25,6 +26,7 @@ from wbc.core.qp.move import (
 )
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Trajectory
+from wbc.robots import load
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -307,3 +309,30 @@ def test_an_attribute_that_a_task_does_not_have_is_refused() -> None:
         with pytest.raises(AttributeError, match="wieght"):
             task.wieght = 3.0  # type: ignore[attr-defined]
         task.weight = 3.0
+
+
+@pytest.mark.parametrize("limits", [{}, {"duration": 0.3}, {"speed": 0.5, "acceleration": 3.0}])
+def test_a_stream_of_equal_orders_is_one_order_and_the_last_of_a_stream_decides(limits: Any) -> None:
+    robot = load("panda").robot()
+    ik, paths = InverseKinematics(robot, 0.01), []
+    hand = ik.add(PositionTask("panda_hand"))
+    start = np.array(hand.target)
+    goal = start + [0.05, 0.0, -0.05]
+    for told in (1, 100):
+        hand.target = start
+        path = []
+        for tick in range(100):
+            if tick < told:
+                hand.move_to(goal.tolist(), **limits)
+            ik.solve()
+            path.append(np.array(hand.target))
+        paths.append(path)
+    np.testing.assert_array_equal(*paths)
+    np.testing.assert_allclose(paths[0][-1], goal, atol=1e-12)
+    hand.move_to(start, **limits)
+    ik.solve()
+    hand.move_to(goal, **limits)
+    hand.move_to(start, duration=0.1)
+    for _ in range(12):
+        ik.solve()
+    np.testing.assert_allclose(hand.target, start, atol=1e-12)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -149,6 +149,12 @@ class Move:
             points, parts=coordinates.parts, velocity=rates[0], acceleration_at_start=rates[1], **limits
         )
         self._elapsed = 0.0
+        self._order = [*targets, *(None if limit is None else np.array(limit) for limit in limits.values())]
+
+    def is_of(self, targets: Sequence[Any], limits: Mapping[str, Any]) -> bool:
+        """Return True for the targets, checked, and the limits with which the move was made."""
+        order = [*targets, *limits.values()]
+        return len(order) == len(self._order) and all(map(_same, self._order, order))
 
     def now(self) -> tuple[Any, Array, Array]:
         """Return target, velocity and acceleration at this time."""
@@ -164,6 +170,11 @@ class Move:
         arrived = self.arrived
         self._elapsed += dt
         return not arrived
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return True for equal numbers, arrays or poses."""
+    return bool(one == other) if isinstance(one, pin.SE3) else np.array_equal(one, other)
 
 
 def _turning_rates(place: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:

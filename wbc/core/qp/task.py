@@ -391,7 +391,7 @@ class Task(Motion):
 
         A move goes on from where the target is, with the velocity of a move that it replaces, and at rest otherwise.
         It sets target, feed-forward velocity and acceleration at every tick. Whatever is assigned to one of these ends
-        it.
+        it. The same order once more, as from a program that gives it at every tick, changes nothing.
 
         Args:
             target: As it is assigned to `target`.
@@ -423,15 +423,18 @@ class Task(Motion):
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
         if self._held_by is not None:
             self._take_over()
-        rates: tuple[Array | None, Array | None] = (None, None)
-        if self._move is not None:  # to where the target is at the next tick
-            now = self._move.now()
-            self._put(*now)
-            rates = now[1:]
+        asked = [self.checked(target) for target in targets]
         if duration is None and speed is None:
             speed = self._usual_speed()
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        self._move = Move(self._coordinates(), targets, rates, **limits)
+        rates: tuple[Array | None, Array | None] = (None, None)
+        if self._move is not None:
+            if self._move.is_of(asked, limits):
+                return
+            now = self._move.now()  # to where the target is at the next tick
+            self._put(*now)
+            rates = now[1:]
+        self._move = Move(self._coordinates(), asked, rates, **limits)
 
     def _usual_speed(self) -> ArrayLike | None:
         """Return the greatest speed of a target where none is given, of each part of its coordinates."""
