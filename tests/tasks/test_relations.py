@@ -194,7 +194,7 @@ REFUSED: dict[str, tuple[Callable[[Robot], object], str]] = {
         lambda r: wbc.FramePositionLimit("panda_hand", lower=(1, 1, 1), upper=(0, 2, 2)),
         "not above",
     ),
-    "shape": (lambda r: wbc.FramePositionLimit("panda_hand", lower=(1.0,)), "3 directions"),
+    "shape": (lambda r: wbc.FramePositionLimit("panda_hand", lower=(1.0,)), r"shape \(3,\)"),
     "directions": (lambda r: wbc.FramePositionLimit("panda_hand", directions=[(0, 0, 0)]), "directions"),
     "speed": (lambda r: wbc.FrameSpeedLimit("panda_hand", linear=-1.0), "linear"),
     "angle": (lambda r: wbc.AxisConeLimit("panda_hand", 4.0), "π"),

@@ -148,6 +148,8 @@ class Barrier(Limit):
     def _take_period(self, dt: float) -> None:
         """Make arrays for a new period, s; those without axes take NumPy half the time of numbers."""
         self.__room, self.__speed, self.__bound, self.__least = np.zeros((4, 2, self.dim))
+        self.__views = *self.__bound, self.__bound.reshape(-1)
+        self.__rooms = self.__room.reshape(-1)
         self._dt, self._per_dt, self.__per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
         self.__per_way = scalar(1.0 / max(dt, self._time))
         # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
@@ -175,9 +177,13 @@ class Barrier(Limit):
         out -= self.__recovery
         return out
 
-    def _allowed_speeds(self, room: Array, out: Array) -> Array:
-        """Return the greatest speeds towards the bounds of inverse kinematics; see `_final_speeds`."""
-        return np.multiply(room, self.__per_way, out=out)
+    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
+        """Fill the greatest speeds towards the bounds of inverse kinematics; see `_final_speeds`.
+
+        `inside` is True if all rooms are at least zero. Return True if a speed may be below zero, as of a way back.
+        """
+        np.multiply(room, self.__per_way, out=out)
+        return not inside
 
     def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
         """Fill rows and rooms for an order and its period, s, which is 0 for a step.
@@ -199,8 +205,10 @@ class Barrier(Limit):
         bound = self._final_speeds(room, speed, self.__bound)
         bound -= speed
         bound *= self._per_dt
-        np.maximum(bound, self._least_accelerations(room, self.__least), out=bound)
-        self._fill(ATTAINABLE, bound, self.drift(), rows, lower, upper)
+        np.maximum(bound, self._least_accelerations(room, self.__least), out=self.__bound)
+        others, flat = self.drift(), self.__views[2]
+        asked = others is None and bool(flat[flat.argmin()] < 0.0)
+        self._fill(ATTAINABLE, asked, others, rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
@@ -213,20 +221,18 @@ class Barrier(Limit):
         """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
         if dt != self._dt:
             self._take_period(dt)
-        room = self.__room
+        room, rooms = self.__room, self.__rooms
         others = self._measure(rows, room, "velocity", dt)
-        self._fill(BACK, self._allowed_speeds(room, self.__bound), others, rows, lower, upper)
+        asked = self._allowed_speeds(room, rooms[rooms.argmin()] >= 0.0, self.__bound)
+        self._fill(BACK, asked, others, rows, lower, upper)
 
     def _fill(
-        self, most: float, bound: Array, others: Array | None, rows: Array, lower: Array, upper: Array
+        self, most: float, asked: bool, others: Array | None, rows: Array, lower: Array, upper: Array
     ) -> None:
         """Fill bounds, less what the coordinates do by themselves; no row demands more than `most` of each joint."""
-        upper[:] = bound[0]
-        np.negative(bound[1], out=lower)
-        if others is None:
-            flat = bound.reshape(-1)
-            asked = flat[flat.argmin()] < 0.0
-        else:
+        upper[:] = self.__views[0]
+        np.negative(self.__views[1], out=lower)
+        if others is not None:
             upper -= others
             lower -= others
             asked = demands(lower, upper)

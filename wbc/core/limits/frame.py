@@ -224,8 +224,9 @@ class FrameSpeedLimit(FrameLimit):
     def _least_accelerations(self, room: Array, out: Array) -> Array:
         return _LEAST
 
-    def _allowed_speeds(self, room: Array, out: Array) -> Array:
-        return self._final_speeds(room, room, out)
+    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
+        out[:] = self._speed
+        return False
 
 
 class AxisConeLimit(FrameLimit):

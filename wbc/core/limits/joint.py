@@ -248,21 +248,21 @@ class JointLimits(Barrier):
     def _least_accelerations(self, room: Array, out: Array) -> Array:
         return self._braked
 
-    def _allowed_speeds(self, room: Array, out: Array) -> Array:
-        """Return velocities that keep the next position, q + v dt, within its bounds."""
-        bound, dt, left = np.multiply(room, self._per_dt, out=out), self._dt, room.reshape(-1)
+    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
+        """Fill velocities that keep the next position, q + v dt, within its bounds."""
+        bound, dt = np.multiply(room, self._per_dt, out=out), self._dt
         if self._stop is not None:
             bound[:] = np.where(
                 room < np.inf, stopping_velocity(np.maximum(room, ZERO), self._stop, dt), np.inf
             )
-        if not left[left.argmin()] >= 0.0:
+        if not inside:
             back = np.maximum(room / max(dt, RECOVERY_TIME), -self._most)
             np.copyto(bound, back, where=room < 0.0)
         np.minimum(bound, self._most, out=bound)
         if self._stop is not None:
             speed, change = np.array([self._velocities, -self._velocities]), dt * self._greatest
             np.clip(bound, speed - change, speed + change, out=bound)
-        return bound
+        return not inside or self._stop is not None
 
     def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
         """Take the middle of bounds that cross."""

@@ -149,10 +149,10 @@ class Move:
             points, parts=coordinates.parts, velocity=rates[0], acceleration_at_start=rates[1], **limits
         )
         self._elapsed = 0.0
-        self._order = [*targets, *(None if limit is None else np.array(limit) for limit in limits.values())]
+        self._order = [_copied(each) for each in (*targets, *limits.values())]
 
     def is_of(self, targets: Sequence[Any], limits: Mapping[str, Any]) -> bool:
-        """Return True for the targets, checked, and the limits with which the move was made."""
+        """Return True for the targets and the limits with which the move was made."""
         order = [*targets, *limits.values()]
         return len(order) == len(self._order) and all(map(_same, self._order, order))
 
@@ -172,9 +172,18 @@ class Move:
         return not arrived
 
 
-def _same(one: Any, other: Any) -> bool:
-    """Return True for equal numbers, arrays or poses."""
-    return bool(one == other) if isinstance(one, pin.SE3) else np.array_equal(one, other)
+def _copied(value: Any) -> Any:
+    """Return a copy of a target or a limit: a pose, positions by joint, numbers or None."""
+    if isinstance(value, pin.SE3):
+        return pin.SE3(value)
+    return dict(value) if isinstance(value, Mapping) else np.array(value)
+
+
+def _same(copied: Any, value: Any) -> bool:
+    """Return True if a value is that of which a copy was made."""
+    if isinstance(copied, np.ndarray):
+        return np.array_equal(copied, value)
+    return isinstance(value, type(copied)) and bool(copied == value)
 
 
 def _turning_rates(place: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:

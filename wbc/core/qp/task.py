@@ -423,18 +423,17 @@ class Task(Motion):
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
         if self._held_by is not None:
             self._take_over()
-        asked = [self.checked(target) for target in targets]
         if duration is None and speed is None:
             speed = self._usual_speed()
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
         rates: tuple[Array | None, Array | None] = (None, None)
         if self._move is not None:
-            if self._move.is_of(asked, limits):
+            if self._move.is_of(targets, limits):
                 return
             now = self._move.now()  # to where the target is at the next tick
             self._put(*now)
             rates = now[1:]
-        self._move = Move(self._coordinates(), asked, rates, **limits)
+        self._move = Move(self._coordinates(), targets, rates, **limits)
 
     def _usual_speed(self) -> ArrayLike | None:
         """Return the greatest speed of a target where none is given, of each part of its coordinates."""
