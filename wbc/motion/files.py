@@ -279,7 +279,16 @@ def _cells(lines: Sequence[str], first: int) -> Array:
     try:
         return np.loadtxt(lines[first:], delimiter=",", comments=None, quotechar='"', ndmin=2)
     except ValueError as error:
-        raise InputError(f"its cells must be numbers with a decimal point: {str(error)[:200]}") from None
+        wrong = next(
+            (
+                f"{shown(cell)} in row {i + 1}, column {j + 1}"
+                for i, row in enumerate(csv.reader(lines))
+                for j, cell in enumerate(row)
+                if i >= first and not _is_number(cell)
+            ),
+            str(error),
+        )
+        raise InputError(f"its cells must be numbers with a decimal point, got {wrong}") from None
 
 
 def _rate_of(times: Array) -> float:
