@@ -83,6 +83,7 @@ class Hands:
         self._excess: dict[str, Array] = {}  # hand that grips → force to which it yields in the next tick, N
         self._measurement: Measurement | None = None  # the last one
         self.active = False
+        self._ordered = False  # since an order, until all hands are idle again
         # Views, which move on with the estimate.
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._imu = estimate.placement(estimate.imu_frame).rotation
@@ -243,7 +244,7 @@ class Hands:
         if not firm:
             self._check_loss(hand, along, force, there)
         each.take(then, along, force, there)
-        each.order = order
+        each.order, self._ordered = order, True
 
     def _check_sensor(self, hand: str) -> None:
         """Check that the force on a hand is measured."""
@@ -307,7 +308,8 @@ class Hands:
     def update(self, measurement: Measurement, reference: Reference) -> Array | None:
         """Advance all hands by a tick; return the filtered wrench on them at the world origin, shape (6,), or None."""
         self._measurement = measurement
-        if not (self.wanted or self.active):
+        self._ordered = self._ordered and self.wanted
+        if not (self._ordered or self.active):
             return None
         rests = reference.progress.phase is GaitPhase.STANDING
         self._watch_slip(measurement, rests)

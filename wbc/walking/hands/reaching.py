@@ -103,7 +103,7 @@ class Arms:
             fast_share: Share from 0 to 1 by which the walk is a fast one.
             upcoming: Footsteps after which the feet stop; None where they go on.
         """
-        active = tuple(arm for arm in self.all.values() if arm.active)
+        active = tuple([arm for arm in self.all.values() if arm.active])
         if active or self._spared:
             solution = self._controller.solution
             accelerations = None if solution is None else solution.accelerations
