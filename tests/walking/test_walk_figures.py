@@ -412,7 +412,7 @@ def test_a_task_spares_all_joints_but_those_of_its_arm_and_the_posture_yields_to
     assert sorted(walking.tasks.com.spared) == sorted([*columns, *(np.array(other.joints) + 6)])
     one.release()
     other.release()
-    update(walking, 62)
+    update(walking, 64)
     assert not walking.tasks.com.spared.size
     np.testing.assert_allclose(walking.tasks.posture.scale, 1.0)
 
