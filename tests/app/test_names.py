@@ -54,7 +54,7 @@ def test_names_of_other_libraries_lead_to_names_that_exist() -> None:
 def test_a_figure_that_is_near_is_suggested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recorded_stand(tmp_path / "log.arrow", ticks=5)
     assert main(["plot", str(tmp_path / "log.arrow"), "balanc"]) == 2
-    assert "no figure or signal 'balanc'; did you mean 'balance'?" in capsys.readouterr().err
+    assert "no figure or signal 'balanc'; did you mean 'balance'" in capsys.readouterr().err
 
 
 def test_a_frame_that_has_the_name_of_a_class_of_another_library_is_a_frame() -> None:
