@@ -333,12 +333,15 @@ def test_legs_correct_velocity_tilt_heading_and_bias_by_their_time_constants() -
     turn = np.array([-share * off[1] / (GRAVITY * 3.0), share * off[0] / (GRAVITY * 3.0), yaw * yaw_error])
     np.testing.assert_allclose(inertial.rotation, pin.exp3(turn) @ rotation, atol=1e-12)
     np.testing.assert_allclose(inertial.gyro_bias, -(rotation.T @ turn) / 5.0, atol=1e-12)
-    assert inertial.correction.legs == pytest.approx(tuple(legs))
+    assert inertial.correction.legs == pytest.approx(tuple(legs)) and inertial.correction.unexplained == 0j
     assert inertial.correction.turned == pytest.approx(-yaw_error), (
         "the feet have turned against the gyroscope"
     )
-    bias, up = inertial.gyro_bias.copy(), inertial.rotation[2].copy()
+    left = (1.0 - share) * complex(off[0], off[1])
+    before, bias, up = inertial.velocity.copy(), inertial.gyro_bias.copy(), inertial.rotation[2].copy()
     inertial.correct(legs + [0.01, 0.02, 0.0], 0.03, DT)
+    found = complex(*(legs + [0.01, 0.02, 0.0] - before)[:2])
+    assert inertial.correction.unexplained == pytest.approx(found - left)
     assert inertial.correction.turned == pytest.approx(
         DT * float(up @ bias) - (0.03 - (1.0 - yaw) * yaw_error)
     )
@@ -351,7 +354,7 @@ def test_in_flight_the_velocity_decays_and_nothing_is_known_of_legs() -> None:
     inertial.correct(None, 0.5, 0.1)
     np.testing.assert_allclose(inertial.velocity, math.exp(-0.1 / 0.7) * velocity)
     np.testing.assert_array_equal(inertial.rotation, rotation)
-    assert inertial.correction.legs is None
+    assert inertial.correction.legs is None and inertial.correction.unexplained == 0j
     assert inertial.correction.turned == pytest.approx((1.0 - (1.0 - math.exp(-DT / 2.0))) * 0.02)
     inertial.correct(None, 0.5, 0.1)
     assert inertial.correction.turned == 0.0

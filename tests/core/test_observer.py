@@ -327,6 +327,25 @@ def test_wrenches_from_torques_count_springs_and_damping_of_the_robot() -> None:
     assert plain.contact == [True, True]
 
 
+def test_what_legs_do_and_the_accelerometer_does_not_show_is_unexplained() -> None:
+    """Change of the legs' velocity less the integral of the specific force, by trapezes."""
+    rng, dt, inertial = np.random.default_rng(6), 0.004, InertialFilter()
+    legs = force = None
+    for _ in range(30):
+        before, last = legs, force
+        legs, force = rng.normal(size=3), GRAVITY * UP + rng.normal(size=3)
+        upright = np.array(inertial.rotation)
+        inertial.predict(np.zeros(3), force, dt)
+        inertial.gyro_bias[:] = 0.0
+        shown = None if last is None else dt * (upright @ (0.5 * (force + last)) - GRAVITY * UP)
+        inertial.correct(legs, 0.0, dt)
+        if before is not None and shown is not None:
+            change = legs - before - shown
+            assert inertial.correction.unexplained == pytest.approx(complex(change[0], change[1]), abs=1e-3)
+    inertial.correct(None, 0.0, dt)
+    assert inertial.correction.unexplained == 0j and inertial.correction.legs is None
+
+
 def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:
     inertial, still = InertialFilter(), np.zeros(3)
 

@@ -512,3 +512,20 @@ def test_the_blow_of_a_landing_is_no_fault_of_the_gyroscope(after: float, doubte
         rotations=lambda time: [(0.0, turns(time), 0.0), (0.0, 0.0, 0.0)],
     )
     assert ("gyroscope contradicts accelerometer and legs" in found) is doubted
+
+
+@pytest.mark.parametrize(("slap", "doubted"), [(-4.0, False), (3.0, False), (-0.6, True)])
+def test_a_foot_that_slaps_down_is_no_fault_of_the_gyroscope(slap: float, doubted: bool) -> None:
+    """The legs jump by 0.15 m/s as the foot has come down, and it rolls on slowly, as a gyroscope that is off."""
+    names, rng, found = Plausibility(ROBOT, DT).names, np.random.default_rng(0), False
+    monitor = ConsistencyMonitor(ROBOT, DT, names)
+    up = ROBOT.placement(ROBOT.imu_frame).rotation
+    for tick in range(-120, 60):
+        rolls = 0.0 if tick < 0 else slap if tick < 10 else -0.6  # rad/s
+        inertial = SimpleNamespace(
+            rotation=up, correction=Correction(unexplained=0.15j if tick == 12 else 0j)
+        )
+        seen = observed(ROBOT, foot_rotations=[(0.0, 0.0, 0.0), (rolls, 0.0, 0.0)], inertial=inertial)
+        monitor.update(1e-3 * rng.normal(size=len(names)), at_rest(ROBOT, tick * DT), seen)
+        found |= bool(monitor.doubts)
+    assert found is doubted

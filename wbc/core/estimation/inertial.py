@@ -69,12 +69,17 @@ class Correction:
 
     Attributes:
         legs: Velocity of the IMU point by the legs in the world, m/s; None in flight.
+        unexplained: Change of the legs' horizontal velocity that the accelerometer does not show, x + iy in the world,
+            m/s; zero in flight.
         turned: Angle by which the feet have turned about the vertical, by the gyroscope, rad: the yaw follows the feet.
+        left: Difference of the legs' horizontal velocity from the estimate that is left, x + iy in the world, m/s.
         yaw_left: Yaw error that is left, rad.
     """
 
     legs: Vector | None = None
+    unexplained: complex = 0j
     turned: float = 0.0
+    left: complex = 0j
     yaw_left: float = 0.0
 
 
@@ -177,16 +182,18 @@ class InertialFilter:
                 one; where feet rest again, the steady velocity follows at once.
         """
         s, correction = self._settings, self.correction
-        correction.legs = legs
+        before, correction.legs = correction.legs, legs
         if legs is None:
             if slides:
                 self.velocity[:2] = self.steady.real, self.steady.imag
             self.velocity *= math.exp(-dt / s.flight_time_constant)
+            correction.unexplained = correction.left = 0j
             correction.turned, correction.yaw_left = correction.yaw_left, 0.0
             return
         if struck:
             self._take(np.array(legs))
         (x, y, z), (u, v, w) = legs, self.velocity.tolist()
+        found = complex(x - u, y - v)
         gain, yaw = lag_gain(dt, s.velocity_time_constant), lag_gain(dt, s.yaw_time_constant)
         self.velocity += np.array((gain * (x - u), gain * (y - v), gain * (z - w)))
         self.steady += lag_gain(dt, STEADY) * (complex(x, y) - self.steady)
@@ -194,8 +201,10 @@ class InertialFilter:
             self._take(self.velocity)
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.
         tilt, slowly = gain / (GRAVITY * s.tilt_time_constant), 1.0 / s.bias_time_constant
-        roll, pitch, heading = -tilt * (y - v), tilt * (x - u), yaw * yaw_error
+        roll, pitch, heading = -tilt * found.imag, tilt * found.real, yaw * yaw_error
         drift = dt * float(self.rotation[2].dot(self.gyro_bias - self._bias_at_rest))
+        correction.unexplained = 0j if before is None else found - correction.left
+        correction.left = found * (1.0 - gain)
         correction.turned = drift - (yaw_error - correction.yaw_left)
         correction.yaw_left = (1.0 - yaw) * yaw_error
         # In plain numbers: NumPy takes three times as long to divide an array by one.

@@ -20,7 +20,7 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.core.estimation.checks.frozen import FrozenReadings
 from wbc.core.estimation.checks.integrals import UNMET, IntegralComparison
-from wbc.core.estimation.checks.legs import SMOOTHING, LegComparison
+from wbc.core.estimation.checks.legs import SMOOTHING, GyroscopeComparison, LegComparison
 from wbc.core.estimation.foot import STILL
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
@@ -86,9 +86,6 @@ SLIPS = 0.02
 SLIPPED = 0.3
 """Time for which a foot that has slipped is named, s."""
 
-TURNED = 1.0
-"""Time for which a gyroscope that was found wrong is named, s: what tells it fades while it stays wrong."""
-
 
 class ConsistencyMonitor:
     """Comparison of sensors with each other, tick by tick, of a machine that is driven.
@@ -109,7 +106,7 @@ class ConsistencyMonitor:
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
         height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
-        self._legs = LegComparison(dt, height)
+        self._legs, self._gyroscope = LegComparison(dt, height), GyroscopeComparison(dt)
         self.reset()
 
     def reset(self) -> None:
@@ -121,8 +118,8 @@ class ConsistencyMonitor:
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
-        self._slips, self._slipped, self._turned = [0.0] * n, [0.0] * n, 0.0
-        for part in (self._frozen, self._integrals, self._legs):
+        self._slips, self._slipped = [0.0] * n, [0.0] * n
+        for part in (self._frozen, self._integrals, self._legs, self._gyroscope):
             part.reset()
 
     def update(
@@ -169,16 +166,23 @@ class ConsistencyMonitor:
     def _compare_legs(self, observer: Observer, force: Vector, *, blind: bool) -> list[str]:
         """Compare legs, force sensors and gyroscope; the specific force is in the world, m/s², `blind` as estimated."""
         doubts: list[str] = []
-        legs = self._legs
-        legs.move(observer.foot_velocities, observer.foot_rotations, observer.load_shares, force)
+        legs, rotations = self._legs, observer.foot_rotations
+        legs.move(observer.foot_velocities, rotations, observer.load_shares, force)
         if not blind:
             legs.compare(self._parts, self._gravity)
             if legs.swapped:
                 doubts.append("force sensors swapped between the feet")
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
-        self._turned = TURNED if legs.turns else self._turned - self._dt
-        if self._turned > 0.0:
+        carries = [turn for turn, share in zip(rotations, observer.rest.shares, strict=True) if share >= 0.5]
+        steady = self._calm >= CALM.time and sum(self._parts) >= LOADS.least_weight
+        if self._gyroscope.update(
+            carries[-1] if carries else STILL,
+            observer.inertial.correction.unexplained,
+            blind=blind,
+            steady=steady,
+            turns=legs.turns,
+        ):
             doubts.append("gyroscope contradicts accelerometer and legs")
         return doubts
 

@@ -10,6 +10,7 @@ the robot. The accelerometer shows none of this. Where a foot truly turns, as on
 slaps down from an edge, the accelerometer shows what the leg shows.
 
 Pushes change nothing of either, since legs and IMU belong to one body: so these comparisons need no calm robot.
+`GyroscopeComparison` has a smaller threshold and does: it compares the leg that stands with the accelerometer.
 """
 
 from __future__ import annotations
@@ -85,7 +86,39 @@ class TurnThresholds(NamedTuple):
     lasting: float = 0.06
 
 
-CARRIER, TURN = CarrierThresholds(), TurnThresholds()
+class GyroscopeThresholds(NamedTuple):
+    """Thresholds of the comparison of the gyroscope with the leg that stands.
+
+    A foot that turns, as on stones, moves the accelerometer, too; an error of the gyroscope does not. In walks
+    the difference is 0.024 m/s at most.
+
+    Attributes:
+        difference: Greatest difference between the speeds of legs and accelerometer within `MEMORY`, m/s, while the
+            foot on the ground seems to turn.
+        turn: Speed from which on the foot on the ground seems to turn, rad/s.
+        lasting: Time for which the difference must be too large while the robot stays calm, s.
+        blind: Factor of the greatest difference where wrenches are estimated: there the loads of feet that land come
+            late, and legs seem to jerk.
+        blind_lasting: Time for which it must be too large there, s.
+        spin: Speed about the vertical above which a foot on the ground slides, so that speeds are not compared, rad/s.
+        slap: Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s.
+        slapped: Time for which legs and accelerometer are not compared after that, s: the foot leaves the ground in
+            part, and its end is a blow.
+        remembered: Time for which a doubt stays, s: the difference fades while the gyroscope stays wrong.
+    """
+
+    difference: float = 0.035
+    turn: float = 0.05
+    lasting: float = 0.1
+    blind: float = 1.5
+    blind_lasting: float = 0.15
+    spin: float = 0.5
+    slap: float = 2.0
+    slapped: float = 0.05
+    remembered: float = 1.0
+
+
+CARRIER, TURN, GYROSCOPE = CarrierThresholds(), TurnThresholds(), GyroscopeThresholds()
 
 
 class LegComparison:
@@ -220,3 +253,57 @@ class _Leg:
         self.carried = self.since = 0.0
         self.turn = self.moved = self.tilt = self.expected = 0j
         self.smooth_moved = self.smooth_expected = self.smooth_turn = 0j
+
+
+class GyroscopeComparison:
+    """Comparison of the velocity by the leg that stands with that by the accelerometer; x + iy in the world, m/s."""
+
+    def __init__(self, dt: float) -> None:
+        """Start with nothing known; dt is the control period, s."""
+        self._dt, self._smoothing = dt, lag_gain(dt, SMOOTHING)
+        self._keep, self._offset_gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, OFFSET)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._drift = self._offset = self._parted = (
+            0j  # difference, what of it is normal, the rest after a low-pass
+        )
+        self._turned: Vector = STILL  # turn of the foot since the difference has been too large, rad
+        # Time for which the difference has been too large, and for which a slap and a doubt still count, s.
+        self._suspected = self._slapped = self._doubted = 0.0
+
+    def update(self, stance: Vector, unexplained: complex, *, blind: bool, steady: bool, turns: bool) -> bool:
+        """Compare for one tick; return True while the gyroscope is doubted.
+
+        Args:
+            stance: Angular velocity of the foot that stands, by encoders and gyroscope, in the world, rad/s.
+            unexplained: Change of the legs' velocity that the accelerometer does not show (`InertialFilter`).
+            blind: True if wrenches are estimated.
+            steady: True for a calm robot on its feet.
+            turns: True if a foot turns as only a wrong gyroscope explains (`LegComparison`).
+        """
+        g = GYROSCOPE
+        most, lasting = (g.blind * g.difference, g.blind_lasting) if blind else (g.difference, g.lasting)
+        u, v, w = stance
+        self._slapped = g.slapped if math.hypot(u, v) > g.slap else self._slapped - self._dt
+        if turns:
+            self._doubted = g.remembered
+        if not steady or abs(w) > g.spin or self._slapped > 0.0:  # or slides, or steps out of a push
+            self._suspected = 0.0
+            self._drift, self._parted, unexplained = self._offset, 0j, 0j
+        self._drift = drift = self._keep * self._drift + unexplained
+        self._offset += self._offset_gain * (drift - self._offset)
+        self._parted += self._smoothing * (drift - self._offset - self._parted)
+        if abs(self._parted) > most:
+            self._suspected += self._dt
+            x, y, z = self._turned
+            self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
+            if self._suspected >= lasting and math.hypot(*self._turned) > g.turn * self._suspected:
+                self._doubted = g.remembered
+        elif self._suspected:
+            self._suspected, self._turned = 0.0, STILL
+        if self._doubted <= 0.0:
+            return False
+        self._doubted -= self._dt
+        return True
