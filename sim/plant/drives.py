@@ -45,9 +45,9 @@ class Drives:
         kp, kd, shape = command.kp, command.kd, self._servo_part.shape
         gains: Gains | None = None
         wrong = getattr(torque, "shape", None) != shape
-        for part in (position, velocity, kp, kd):
+        for part in (position, velocity, kp, kd, released := command.released):
             wrong = wrong or (part is not None and getattr(part, "shape", None) != shape)
-        if wrong:
+        if wrong or (released is not None and released.dtype != bool):
             command.check(self._joint_names)
             raise InputError(f"parts of a command must be NumPy arrays, got {shown(command)}")
         if position is None:

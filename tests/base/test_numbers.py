@@ -64,6 +64,9 @@ def test_arrays_are_copies_of_finite_numbers_of_a_shape() -> None:
     assert numbers([]).shape == (0,) and refused(finite_array, "x", given, (3, 2))
     for endless in (math.nan, math.inf, -math.inf):
         assert refused(finite_array, "x", [[0.0, endless]])
+    for kind in (float, int):
+        masked = np.ma.masked_array([1, 2], mask=[False, True], dtype=kind)
+        assert refused(finite_array, "x", masked) and np.isnan(numbers(masked)).tolist() == [False, True]
     assert refused(read_only(given).__setitem__, 0, 1.0) and given.flags.writeable
     assert plain(np.float32(0.5)) == 0.5 and plain(given) == given.tolist() and refused(plain, {1, 2})
 

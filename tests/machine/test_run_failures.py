@@ -57,6 +57,7 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
     "exception": ({"command": lambda _: 1 / 0}, None, "ZeroDivisionError of the controller: "),
     "stopped": (stopped, None, "the controller has stopped: too many failures"),
     "no command": ({"command": lambda _: 5}, None, "InputError of the controller: .*Command, got 5$"),
+    "released": ({"command": lambda _: Command(ZERO, released=np.ones(3, dtype=bool))}, None, "InputError of the controller: released of a command must be truth values"),
     "NaN": ({"command": lambda _: Command(ZERO * np.nan)}, None, "InputError of the controller: .*joint_torque of joint 'left_hip_pitch_joint' must be a finite number"),
 }  # fmt: skip
 """Name → another control, or its parts, what happens in tick 20, and the reason of the end."""

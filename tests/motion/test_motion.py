@@ -268,9 +268,13 @@ def test_bad_clips_are_refused(arms: MotionClip) -> None:
         ({"joints": arms.joints[:, :3]}, "joints"),
         ({"joints": np.degrees(arms.joints)}, "degrees"),
         ({"joint_names": ("a", *arms.joint_names[2:], "a")}, "'a'"),
+        ({"base": np.ma.masked_equal(arms.base, arms.base[7, 2])}, "finite"),
+        *(({name: [[1.0], [1.0, 2.0]]}, "rows of one length") for name in ("base", "joints", "standing")),
     ):
         with pytest.raises(InputError, match=named):
             replace(arms, **changes)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="rows of one length"):
+        replace(make_person(), positions=[[[1.0]], [[1.0, 2.0]]])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["go1", "panda"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from wbc.app import Log, Recorder
 from wbc.base.errors import InputError, ModelError
 from wbc.tasks import check_rows
 
@@ -51,6 +53,23 @@ def test_a_bolted_base_bears_weight_and_moment_and_does_not_move() -> None:
     np.testing.assert_allclose(residual, 0.0, atol=1e-4)
     base.active, base.ramp = False, 0.0
     check_rows(wbc.PoseTask("panda_hand"), robot)
+
+
+@pytest.mark.parametrize("name", ["panda", "go1"])
+def test_a_robot_without_soles_rests_without_wrenches_and_its_ticks_are_recorded(
+    name: str, tmp_path: Path
+) -> None:
+    description = wbc.load_robot(name)
+    robot = description.robot()
+    still = wbc.Measurement.resting(robot)
+    assert still.wrenches.shape == (0, 6) and still.sole_range.shape == still.sole_stiffness.shape == (0,)
+    np.testing.assert_allclose(still.specific_force, [0.0, 0.0, 9.80665], atol=1e-9)
+    with Recorder(tmp_path / "run.arrow") as recorder:
+        recorder.write(description, still, wbc.Command(np.zeros(robot.na)))
+        for time in (None, "now", np.nan):
+            with pytest.raises(wbc.WbcError, match="time of|log of one run"):
+                recorder.write(description, replace(still, time=time), wbc.Command(np.zeros(robot.na)))
+    assert len(Log.open(tmp_path / "run.arrow")) == 1
 
 
 @pytest.mark.parametrize("feet", [4, 3])

@@ -150,6 +150,9 @@ def test_a_command_for_another_period_is_refused(make: Callable[..., Simulation]
         Command(np.full(NA, np.nan)),
         replace(LIMP, kd=-np.ones(NA)),
         replace(LIMP, sole_stiffness=np.ones(2)),
+        replace(LIMP, released=np.ones(3, dtype=bool)),
+        replace(LIMP, released=np.ones(NA)),
+        replace(LIMP, released="all"),
     ],
 )
 def test_a_command_that_no_drive_follows_is_refused(make: Callable[..., Simulation], command: Any) -> None:

@@ -37,9 +37,16 @@ def scalar(value: float) -> Array:
     return np.array(float(value))
 
 
+def unmasked(value: ArrayLike) -> ArrayLike:
+    """Return a value as it is; of a masked array with numbers a copy with NaN where it is masked, which are none."""
+    if isinstance(value, np.ma.MaskedArray) and value.dtype.kind in "iuf":
+        return np.where(np.ma.getmaskarray(value), np.nan, value.data)
+    return value
+
+
 def numbers(value: ArrayLike) -> Array:
     """Return a copy of numbers as a float64 array; `TypeError` or `ValueError` for text and truth values among them."""
-    array = np.array(value)
+    array = np.array(unmasked(value))
     kind = array.dtype.kind
     if kind not in "iuf" and array.size:
         if kind != "O" or any(isinstance(each, (str, bytes, bool, type(None))) for each in array.flat):

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import FLOAT64, Array
+from wbc.base.errors import InputError, MeasurementError, shown
+from wbc.base.numbers import FLOAT64, Array, finite_array, finite_scalar, in_range
 from wbc.core.robot import GRAVITY, Robot
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
@@ -73,11 +73,13 @@ class Measurement:
 
     @classmethod
     def resting(cls, robot: Robot) -> Measurement:
-        """Return the readings of a robot at rest in its configuration at time 0, its weight on all soles."""
-        wrench = np.zeros((len(robot.soles), 6))
-        wrench[:, 2] = robot.mass * GRAVITY / len(wrench)
+        """Return the readings of a robot at rest in its configuration at time 0, its weight on its soles."""
+        n = len(robot.soles)
+        wrench, unread = np.zeros((n, 6)), np.full((2, n), np.nan)
+        wrench[:, 2] = robot.mass * GRAVITY / max(n, 1)
         up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
-        return cls(0.0, np.array(robot.q[robot.base_nq :]), np.zeros(robot.na), np.zeros(3), up, wrench)
+        position, still = np.array(robot.q[robot.base_nq :]), np.zeros(robot.na)
+        return cls(0.0, position, still, np.zeros(3), up, wrench, *unread)
 
     @property
     def wrenches(self) -> Array:
@@ -131,14 +133,15 @@ class Command:
 
     def copy(self) -> Command:
         """Return a copy of the command, with its own arrays."""
-        parts = ("joint_torque", "joint_position", "joint_velocity", "sole_stiffness", "kp", "kd")
+        parts = ("joint_torque", "joint_position", "joint_velocity", "sole_stiffness", "kp", "kd", "released")
         return replace(self, **{n: part.copy() for n in parts if (part := getattr(self, n)) is not None})
 
     def check(self, joint_names: Sequence[str]) -> Command:
         """Return the command with arrays of floats; what no drive must get is an `InputError`.
 
-        That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, a negative gain, and a servo
-        without a position reference.
+        That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, a negative gain or stiffness, a
+        period that is not positive, and a servo without a position reference. How many soles there are is not known
+        here.
         """
         na, others = len(joint_names), dict[str, Any]()
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
@@ -157,6 +160,17 @@ class Command:
                 )
             if array is not value or array.dtype is not FLOAT64:
                 others[name] = array.astype(np.float64)
+        if self.sole_stiffness is not None:
+            stiffness = finite_array("command: sole_stiffness", self.sole_stiffness)
+            in_range("command: sole_stiffness", stiffness, 0.0, -np.inf, LARGEST_COMMAND)
+        if self.period is not None:
+            finite_scalar("period of a command (s)", self.period, above=0.0)
+        if (released := self.released) is not None and (
+            np.shape(released) != (na,) or np.asarray(released).dtype.kind != "b"
+        ):
+            raise InputError(
+                f"released of a command must be truth values of shape ({na},), got {shown(released)}"
+            )
         for name in ("joint_velocity", "kp", "kd"):
             value = getattr(self, name)
             if self.joint_position is None and value is not None and np.any(value):

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, unmasked
 from wbc.base.settings import Angle, Number, Positive
 
 WORLD = "world"
@@ -38,11 +38,9 @@ def check_frame(what: str, name: object) -> None:
 def _numbers(what: str, value: ArrayLike) -> Array:
     """Return a copy of numbers, which may be NaN, as a float64 array of any shape; else an `InputError`."""
     try:
-        array = np.asarray(value)
+        array = np.asarray(unmasked(value))
         if array.dtype.kind not in "iuf" and array.size:
             raise TypeError
-        if isinstance(value, np.ma.MaskedArray):
-            array = np.where(np.ma.getmaskarray(value), np.nan, array)
         return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} must be numbers, got {shown(value)}") from error

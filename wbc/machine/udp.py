@@ -63,7 +63,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.core.signals import LARGEST_COMMAND, Command, Measurement, WrenchSource
+from wbc.core.signals import Command, Measurement, WrenchSource
 from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
@@ -486,9 +486,6 @@ class UdpRobot:
             if not isinstance(command, Command):
                 raise InputError(f"command: a packet of {len(data)} bytes has not the length that it says")
             command.check(self._names)
-            for name, value in (("sole_stiffness", command.sole_stiffness), ("period", command.period)):
-                if value is not None and not np.all((value >= 0.0) & (value <= LARGEST_COMMAND)):
-                    raise InputError(f"command: {name} must be from 0 to {LARGEST_COMMAND:g}, got {value}")
         except InputError as error:
             logger.warning("packet of %s, port %d: %s: the joints are damped", *peer[:2], error)
             return None

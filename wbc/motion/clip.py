@@ -6,17 +6,17 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, unmasked
 from wbc.core.conventions import rotation_of
 from wbc.core.robot import Robot
 
@@ -60,11 +60,8 @@ class MotionClip:
         twice, times = next(iter(Counter(names).most_common(1)), ("", 0))
         if times > 1:
             raise InputError(f"a joint must occur once in a motion, got '{twice}' {times} times")
-        count = len(np.atleast_1d(self.joints))
-        if not 2 <= count <= LONGEST:
-            raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")
-        joints = table_of("joints", self.joints, count, names, self.rate)
-        base = table_of("base", self.base, count, BASE_COLUMNS, self.rate)
+        joints = table_of("joints", self.joints, None, names, self.rate)
+        base = table_of("base", self.base, count := len(joints), BASE_COLUMNS, self.rate)
         standing = self.standing
         if standing is not None:
             standing = table_of("standing", standing, count, ("left", "right"), self.rate)
@@ -169,11 +166,25 @@ def _refuse_bolted(robot: Robot) -> None:
         raise InputError(f"a motion has a base that moves, robot '{robot.name}' is bolted to the world")
 
 
-def table_of(what: str, values: ArrayLike, count: int, columns: Sequence[str], rate: float) -> Array:
-    """Return a copy of the numbers of all frames, shape (count, columns), after a check of each."""
-    array = np.asarray(values)
+def real_array(what: str, values: ArrayLike) -> NDArray[Any]:
+    """Return real numbers or truth values of a motion as an array of any shape, NaN where they are masked."""
+    try:
+        array = np.asarray(unmasked(values))
+    except ValueError as error:
+        raise InputError(f"{what} of a motion must have rows of one length, got {shown(values)}") from error
     if array.dtype.kind not in "biuf":
         raise InputError(f"{what} of a motion must be real numbers, got an array of type {array.dtype}")
+    return array
+
+
+def table_of(what: str, values: ArrayLike, count: int | None, columns: Sequence[str], rate: float) -> Array:
+    """Return a copy of the numbers of all frames, shape (count, columns), after a check of each.
+
+    Without a count there may be 2 to `LONGEST` frames.
+    """
+    array = real_array(what, values)
+    if count is None and not 2 <= (count := len(np.atleast_1d(array))) <= LONGEST:
+        raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")
     if array.shape != (count, len(columns)):
         raise InputError(f"{what} of a motion must have shape ({count}, {len(columns)}), got {array.shape}")
     if len(bad := np.argwhere(~np.isfinite(array))):

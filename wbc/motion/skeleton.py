@@ -13,7 +13,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
-from wbc.motion.clip import LONGEST, table_of
+from wbc.motion.clip import real_array, table_of
 
 NAMES: dict[str, tuple[str, ...]] = {
     "hip": ("upleg", "upperleg", "thigh", "hip", "hipjoint"),
@@ -65,16 +65,14 @@ class SkeletonClip:
         names = tuple(self.joint_names)
         if len(names) > MOST_JOINTS:
             raise InputError(f"a skeleton may have {MOST_JOINTS} joints, got {len(names)}")
-        positions = np.asarray(self.positions)
+        positions = real_array("positions", self.positions)
         if positions.ndim != 3 or positions.shape[1:] != (len(names), 3):
             raise InputError(
                 f"positions of a skeleton must have shape (frames, {len(names)}, 3), got {positions.shape}"
             )
-        if not 2 <= len(positions) <= LONGEST:
-            raise InputError(f"a clip of a skeleton must have 2 to {LONGEST} frames, got {len(positions)}")
         columns = [f"{joint} {axis}" for joint in names for axis in "xyz"]
         flat = positions.reshape(len(positions), len(columns))
-        table = table_of("positions", flat, len(positions), columns, self.rate)
+        table = table_of("positions", flat, None, columns, self.rate)
         object.__setattr__(self, "joint_names", names)
         table.setflags(write=False)  # what is checked does not change
         object.__setattr__(self, "positions", table.reshape(positions.shape))

@@ -23,6 +23,7 @@ from wbc.base.files import FileError
 from wbc.base.numbers import Array
 from wbc.base.settings import to_json
 from wbc.core.drive.control import Control
+from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -154,9 +155,8 @@ class Recorder(TrialHook):
             raise InputError(
                 f"{self.path} is the log of one plant and program; make another Recorder for others"
             )
-        if (
-            not self._time <= (time := float(tick.measurement.time)) < math.inf
-        ):  # nobody could read what follows
+        time = stamp_of(tick.measurement.time)
+        if not self._time <= time < math.inf:  # nobody could read what follows
             raise InputError(
                 f"{self.path} is the log of one run up to {self._time:g} s, got a measurement at {time:g} s; make "
                 "another Recorder after a reset"

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import largest
 from wbc.core.robot import Robot
@@ -142,8 +143,10 @@ class CommandGate:
         References of servos whose gains the command leaves to the machine stay in the range of each joint, or where it
         is beyond that, and below the speed at which they are clipped. A joint whose q or q̇ is not finite is treated as
         in `pass_on_with_gains`. `clipped` names joints that were clipped while the command was made, which count among
-        its `faults`. Raises `InputError` for a part of the wrong shape or not finite, or a negative gain.
+        its `faults`. Raises `InputError` for what is no `Command`, and for what no drive must get (`Command.check`).
         """
+        if not isinstance(command, Command):
+            raise InputError(f"a control must return a wbc.Command, got {shown(command)}")
         command = command.check(self._names).copy()
         torque, position, velocity = command.joint_torque, command.joint_position, command.joint_velocity
         kp, kd = command.kp, command.kd

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.base.errors import MeasurementError, shown
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, unmasked
 from wbc.core.signals import Measurement
 
 TOLD = 4
@@ -57,14 +57,11 @@ def numbers_of(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
         return value
     try:
-        array = np.asarray(value)
+        array = np.asarray(unmasked(value))  # a reading that is masked is none
     except Exception:  # lists of lists of different lengths, objects that fail
         array = np.empty(0, dtype=object)
     if array.dtype.kind not in "iuf":
         raise MeasurementError(f"{name} must be numbers of shape {shape}, got {shown(value)}")
     if array.shape != shape:
         raise MeasurementError(f"{name} must have shape {shape}, got {array.shape}")
-    array = array.astype(np.float64, copy=False)
-    if isinstance(value, np.ma.MaskedArray):  # a reading that is masked is none
-        array = np.where(np.ma.getmaskarray(value), np.nan, array)
-    return array
+    return array.astype(np.float64, copy=False)
