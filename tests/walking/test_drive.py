@@ -276,6 +276,20 @@ def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -
     assert np.linalg.norm(place - goal[:2]) < 0.05 and abs(yaw - goal[2]) < 0.1
 
 
+def test_a_goal_that_changes_a_little_in_every_tick_is_walked_to_as_one_goal() -> None:
+    def steps(change: float) -> int:
+        stage = Stage("g1")
+        while not stage.walk.finished or stage.time < 1.0:
+            assert stage.time < 15.0
+            if stage.time == 0.0 or change:
+                stage.go_to(0.4 + change * math.sin(11.0 * stage.time), 0.0, 0.0)
+            stage.run(DT)
+        assert stage.middle[0][0] == pytest.approx(0.4, abs=0.03)
+        return stage.walk.steps_done
+
+    assert steps(1e-3) == steps(0.0)
+
+
 @pytest.mark.parametrize("first", [None, "right"])
 @pytest.mark.parametrize("goal", [(3.0, 0.4, 2.0), (0.4, -0.2, 0.3)], ids=["far", "near"])
 def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(

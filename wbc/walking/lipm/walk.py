@@ -188,18 +188,20 @@ class LipmWalk(ReferenceSource):
 
     def take(self, planner: FootstepSource | None) -> None:
         """Take footsteps from a planner, from the next tick on; None for those of the steering."""
-        before = self.planner
-        if planner is None:
-            goes_on = isinstance(before, SteeredSteps) and self.steering.goal in (None, before.goal)
-            planner = before if goes_on else self._steered_steps()
+        before, elsewhere = self.planner, False
+        if planner is None and isinstance(before, SteeredSteps):
+            planner, elsewhere = before, self.steering.goal not in (None, before.goal)
+        elif planner is None:
+            planner = self._steered_steps()
         super().take(planner)
         climbs = False
         if isinstance(planner, PlanSource):
             planner.begin(self.reach, self.steering.extent)
             climbs = planner.plan.climbs
-        if planner is not before or isinstance(planner, PlanSource):
-            self._planning.ask_at_once()
+        if elsewhere or planner is not before or isinstance(planner, PlanSource):
             self.feet.drift.begin()
+            if not elsewhere or self.phases.rests:  # a robot on its way goes on: goals may come in every tick
+                self._planning.ask_at_once()
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self.course.preview, self._adjuster = self._laws[climbs]
 
