@@ -135,8 +135,11 @@ def test_a_trial_without_a_spec_is_recorded_by_a_hook(tmp_path: Path) -> None:
     plant = wbc.Plant("hrp4_class", seed=4)
     robot = plant.description.robot()
     trial = Trial(plant, WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period))
-    with trial.running([Recorder(tmp_path / "stand.arrow")]):
+    recorder = Recorder(tmp_path / "stand.arrow")
+    with trial.running([recorder]):
         trial.advance(0.05)
+    with pytest.raises(InputError, match="has ended; make another"):
+        recorder.start(trial)  # before a tick of another trial
     log = Log.open(tmp_path / "stand.arrow")
     assert len(log) == pytest.approx(10, abs=1) and log.header.get("spec") is None
 
@@ -245,9 +248,9 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     assert array["own/place"].tolist() == [[1.0, 2.0, 3.0]] * 2 and array.units["own/place/y"] == "m"
     assert record_standing(path, 1, "a", lambda _: [1, 2, 3, 4]).parts("a") == ["a/0", "a/1", "a/2", "a/3"]
     assert record_standing(path, 2, "on", lambda _: True)["on"].tolist() == [1.0, 1.0]
-    for first, later in ((True, 0.5), (None, "calm"), (1, "calm")):
+    for first, later in ((True, 0.5), (None, "calm"), (1, "calm"), (1, 10**400)):
         values = iter([first, later])
-        with pytest.raises(InputError, match=f"began with {first} and cannot keep {later!r}"):
+        with pytest.raises(InputError, match=f"began with {first} and cannot keep {later!r:.12}"):
             record_standing(path, 2, "own", lambda _, values=values: next(values))
     states = iter(["calm", None, "calm"])
     assert record_standing(path, 3, "state", lambda _: next(states)).texts("state").tolist() == [

@@ -144,8 +144,7 @@ class Recorder(TrialHook):
         )
 
     def _record(self, tick: Tick) -> None:
-        if self._writer.ended:
-            raise InputError(f"the recording {self.path} has ended; make another Recorder")
+        self._check_open()
         for what, kind in (("measurement", Measurement), ("command", Command)):
             if not isinstance(value := getattr(tick, what), kind):
                 raise InputError(f"{what} of a tick must be a {kind.__name__}, got {shown(value)}")
@@ -164,8 +163,13 @@ class Recorder(TrialHook):
         self._time = time
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
+    def _check_open(self) -> None:
+        if self._writer.ended:
+            raise InputError(f"the recording {self.path} has ended; make another Recorder")
+
     def start(self, trial: Any) -> None:
         """Take the specification and the seed of a trial that has them; see `TrialHook`."""
+        self._check_open()
         if (spec := getattr(trial, "spec", None)) is not None:
             self._spec, self._seed = self._spec or _plain(spec), getattr(spec, "seed", None)
 
@@ -210,7 +214,7 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
     text, flag = isinstance(first, str), isinstance(first, (bool, np.bool_))
 
     def numbers(value: Any) -> Array:
-        with contextlib.suppress(TypeError, ValueError):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
             array = np.array(value, dtype=np.float64)
             if not flag or isinstance(value, (bool, np.bool_)):
                 return array
