@@ -52,9 +52,7 @@ class Drives:
             raise InputError(f"parts of a command must be NumPy arrays, got {shown(command)}")
         if position is None:
             if velocity is not None or kp is not None or kd is not None:
-                raise InputError(
-                    "a command with a velocity reference or gains needs a position reference, too"
-                )
+                command.check(self._joint_names)  # zeros are none
             target = torque
         else:
             gains = own = self._checked_gains(command)

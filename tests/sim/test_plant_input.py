@@ -48,7 +48,7 @@ def test_refuses_bad_commands_without_moving() -> None:
         (Command(zero, position, with_nan(zero)), name),
         (Command(with_nan(zero)), name),
         (Command(np.zeros(na - 1), position, zero), "shape"),
-        (Command(zero, None, zero), "position"),
+        (Command(zero, None, 1.0 + zero), "position"),
         (Command(zero, position, zero, np.array([5.0, 5.0])), "stiffness"),
         (Command(zero, 1e200 * (1.0 + position**2), zero), plant.robot.joint_names[0]),
     ]

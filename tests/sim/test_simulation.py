@@ -149,6 +149,7 @@ def test_a_command_for_another_period_is_refused(make: Callable[..., Simulation]
         Command(np.zeros(3)),
         Command(np.full(NA, np.nan)),
         replace(LIMP, kd=-np.ones(NA)),
+        replace(LIMP, kp=np.ones(NA)),
         replace(LIMP, sole_stiffness=np.ones(2)),
         replace(LIMP, released=np.ones(3, dtype=bool)),
         replace(LIMP, released=np.ones(NA)),
@@ -160,6 +161,16 @@ def test_a_command_that_no_drive_follows_is_refused(make: Callable[..., Simulati
     with pytest.raises(InputError):
         simulation.step(command)
     assert simulation.time == 0.0
+
+
+def test_gains_of_zero_without_a_reference_are_torque_control(make: Callable[..., Simulation]) -> None:
+    zero = np.zeros(NA)
+    states = []
+    for command in (LIMP, Command(zero, joint_velocity=zero, kp=zero, kd=zero)):
+        simulation = make()
+        simulation.step(command)
+        states.append(simulation.truth().q)
+    np.testing.assert_array_equal(*states)
 
 
 @pytest.mark.parametrize("duration", [0.01, 0.0173])
