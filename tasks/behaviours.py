@@ -399,15 +399,18 @@ class Program(Control):
             self._driven.see(seen)
 
     def reset(self, q: Array | None = None) -> None:
-        """Begin anew, after the end of the present state; the control begins from a configuration at rest.
+        """Begin anew, once the control has begun from a configuration at rest; the present state ends then.
 
-        The configuration has shape (nq,); half-sitting when None.
+        The configuration has shape (nq,); half-sitting when None. A control that refuses it, such as a walk that has
+        begun, leaves the program as it is.
         """
-        if self._scope is not None:
-            self.machine.end(self._scope)
-        self._begin()
         if self._driven is not None:
             self._driven.reset(q)
+        try:
+            if self._scope is not None:
+                self.machine.end(self._scope)
+        finally:
+            self._begin()
 
     def tick(self) -> None:
         """Run one tick of the machine alone; `command` calls it."""

@@ -65,13 +65,13 @@ def check_rows(
         seed: Seed of the random states.
     """
     robot, random = robot.clone(), np.random.default_rng(seed)
-    if isinstance(item, Limit):
-        _check_limit(item, robot, dt, random)
-        return
-    if item._robot is not None:
+    if (item.owner if isinstance(item, Limit) else item._robot) is not None:
         raise InputError(
             f"'{item.name}' must be checked before it is added to a controller; make another one"
         )
+    if isinstance(item, Limit):
+        _check_limit(item, robot, dt, random)
+        return
     if frame is not None and item.dim % 3:
         raise InputError(
             f"rows along the axes of '{frame}' must come in threes, '{item.name}' has {item.dim}"

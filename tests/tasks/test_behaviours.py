@@ -339,6 +339,20 @@ def test_a_program_that_is_reset_runs_again_as_it_ran_first() -> None:
     assert run(program) == "done" and program.time == time and program.history == history
 
 
+def test_a_control_that_refuses_a_reset_leaves_its_program_as_it_is() -> None:
+    class Once(PositionControl):
+        def reset(self, q: Any = None) -> None:
+            raise InputError("it has begun")
+
+    program = Program(StateMachine("m", steps("one", "two")), Once(standing("hrp4_class", dt=DT)))
+    for _ in range(3):
+        program.tick()
+    before = program.time, program.path
+    with pytest.raises(InputError, match="it has begun"):
+        program.reset()
+    assert (program.time, program.path) == before
+
+
 @pytest.mark.parametrize("late", [0, 1, 5], ids=["together", "after a tick", "later"])
 def test_a_fall_is_told_after_the_stop_of_the_drives_that_came_with_it(late: int) -> None:
     """A state that goes on after a stop hears of the fall, and of no fall where the robot only stopped."""

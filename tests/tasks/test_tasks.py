@@ -147,6 +147,16 @@ def test_limits_of_the_package_on_joints_and_torques_pass_the_check_of_ones_own(
         check_rows(limit, make_robot("hrp4_class"))
 
 
+def test_a_limit_of_a_controller_keeps_its_robot() -> None:
+    robot, limit = make_robot("hrp4_class"), wbc.JointLimits()
+    check_rows(limit, robot)
+    controller = wbc.Controller(robot, 0.005)
+    controller.add(limit)
+    with pytest.raises(InputError, match="before it is added"):
+        check_rows(limit, robot)
+    assert limit._robot is robot
+
+
 class Height(wbc.Barrier):
     """Keep a hand between two heights, with one mistake at most."""
 

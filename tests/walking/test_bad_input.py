@@ -146,6 +146,8 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: hands().press("left_hand", 5.0, (0.0, 0.0, 0.0)), "direction of left_hand"),
     (lambda: walking().hands.press("left_hand", 5.0, DOWN), "after the first tick"),
     (lambda: gripping().press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
+    (lambda: hands().press("left_hand", 5.0, DOWN, firm="no"), "firm of Hands.press"),  # type: ignore[arg-type]
+    (lambda: walking().arms.place(["box"], ROBOT.data.oMi[1]), "name of Arms.place"),  # type: ignore[arg-type]
     (lambda: walking().hands.point("left_hand", NAN, 0.5), r"ahead of Hands.point"),
     (lambda: bound().place("box", None), "release left_hand, and wait"),
     (lambda: checks(-1), "to_check of a planner is"),

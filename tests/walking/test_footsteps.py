@@ -46,6 +46,13 @@ def same(a: FootstepPlan, b: FootstepPlan) -> None:
         np.testing.assert_allclose(p.placement.homogeneous, q.placement.homogeneous, atol=1e-9)
 
 
+def test_a_footstep_keeps_its_numbers_and_no_array_of_the_caller() -> None:
+    x = np.array(0.2)
+    step = Footstep("left", x, np.float32(0.5), 1)  # type: ignore[arg-type]
+    x += 1.0
+    assert (step.x, step.y, step.z) == (0.2, 0.5, 1.0) and step in {step}
+
+
 def test_three_metres_are_22_steps_and_end_side_by_side() -> None:
     plan = walk_distance(START, 3.0)
     assert len(plan) == 22

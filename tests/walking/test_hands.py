@@ -35,7 +35,7 @@ from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, wa
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.arm import LEAD
 from wbc.walking.hands.frames import FEET, FOLLOW, TargetFrames, carried
-from wbc.walking.hands.hand import SAME_WAY, HandState
+from wbc.walking.hands.hand import THERE, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.plans.footsteps import Footstep
@@ -249,6 +249,22 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
     for _ in range(1000):
         walking.arms.update(feet_at(walking, step), yaw)
     np.testing.assert_allclose(hand.arm.task.target.translation, here.translation + step, atol=1e-6)
+    hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
+    assert hand.state is HandState.LOST, "an order that comes in every tick is not tried again"
+    hands.release("left_hand")
+    with pytest.raises(InputError, match="within"):  # now it is, and the robot stands elsewhere
+        hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
+
+
+def test_a_target_that_is_refused_leaves_the_frame_of_the_feet_with_the_feet() -> None:
+    walking, _ = standing()
+    arm, robot = walking.arms["left_hand"], walking.controller.robot
+    before = arm.seen(FEET)
+    with pytest.raises(InputError):
+        arm.reach((0.3, 0.25, 0.7), FEET, duration=-1.0)
+    robot.update(robot.q + np.eye(robot.nq)[0], robot.v)
+    arm.reach((0.3, 0.25, 0.7), FEET)
+    assert arm.seen(FEET).isApprox(before)
 
 
 def feet_at(walking: WalkingControl, step: np.ndarray[Any, Any]) -> tuple[FootMotion, FootMotion]:
@@ -624,7 +640,7 @@ def test_the_last_order_of_a_stream_decides_and_a_stream_moves_a_hand_on(order: 
     begin, end = told([0.0], 250)
     meanwhile, last = told(np.linspace(0.1, 0.0, 120), 250)
     assert last[0] is end[0]
-    np.testing.assert_allclose(last[1:], end[1:], atol=SAME_WAY[0])
+    np.testing.assert_allclose(last[1:], end[1:], atol=THERE[0])
     parts = {"force of a hand that presses": slice(15, None), "direction": slice(12, 15)}
     begin, meanwhile, end = (np.array(row[1:])[parts.get(order, slice(3))] for row in (begin, meanwhile, end))
     assert np.linalg.norm(meanwhile - end) <= 0.7 * np.linalg.norm(begin - end) + 1e-9

@@ -312,8 +312,8 @@ class Arm:
         The reference goes on as it moves. In a new frame, and for the first target, it begins where the hand is.
         """
         fresh = route.frame != self.within or not self.active
-        self._frames.begin(route.frame)
         self._way.send(route, self.seen(route.frame), fresh=fresh)
+        self._frames.begin(route.frame)  # of a route that is not refused
         if fresh:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)

@@ -65,7 +65,10 @@ LEAST_WAY = 0.01
 
 SAME_WAY = (0.02, 0.1)
 """Change of a place, m, and of a direction, rad, up to which a hand that is on its way goes on as it does: orders by a
-camera change in every tick."""
+camera change in every tick. Once it is there, it goes on to the last order."""
+
+THERE = (0.005, 0.02)
+"""The same from which on a hand at the end of its way goes on to the last order: a camera is as noisy as this."""
 
 PRESS_WEIGHT, GRIP_WEIGHT = 1.0, 100.0
 """Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
@@ -131,7 +134,7 @@ class Hand:
         grasp: What it grips; active while it does.
         measured: Placement of its frame as it is estimated, in the world; a view.
         direction: Direction in which the hand presses, in the world, shape (3,).
-        order: Order of `Hands` that it carries out; empty without one.
+        order: Last order of `Hands`; empty without one, and once it is released.
         pressed: Force with which it presses, as measured, along `direction`, N.
         ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
         force: Planned force of a hand that presses.
@@ -165,15 +168,16 @@ class Hand:
         self._force = WrenchTask(self.contact, weight=PRESS_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=GRIP_WEIGHT)
         self.direction = self._came = np.zeros(3)
+        self.order: tuple[object, ...] = ()
         self.sensor = WristSensor(name, controller.dt)
         self._then = HandState.HOLD  # what it is to do once it is there
         self._at: Array | None = None  # place of the order, m
+        self._to: Array | None = None  # the same of its way, which has the direction `_came`
         self._begin(HandState.FREE)
 
     def _begin(self, state: HandState) -> None:
         """Begin in a state without a force."""
         self.force, self.ordered, self.pressed = PressForce(), 0.0, 0.0
-        self.order: tuple[object, ...] = ()
         self._turn = Ramp(np.zeros(3))  # from the direction in which it came, as a rotation vector, rad
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
@@ -218,8 +222,8 @@ class Hand:
         """Take an order to press, `HandState.HOLD`, or to grip, `GRIP`, with a force or its limit, N.
 
         A hand that does so already stays where it is; see `Hands.press` and `Hands.grip`. One on its way there goes on,
-        unless place or direction differ from those of its way by more than `SAME_WAY`. Without a place it approaches
-        the surface from where it is.
+        and then to the new place, unless place or direction differ from those of its way by more than `SAME_WAY`.
+        Without a place it approaches the surface from where it is.
         """
         if self.state is then:
             self.ordered = force
@@ -228,9 +232,8 @@ class Hand:
                 self._turn.to(least_turn(self._came, direction), self._settings.ramp)
             return
         comes = self.state in (HandState.REACH, HandState.APPROACH) and then is self._then
-        far = math.inf if at is None or self._at is None else math.dist(at, self._at)
-        if comes and (far < SAME_WAY[0] or at is self._at) and math.dist(direction, self._came) < SAME_WAY[1]:
-            self.ordered, self.direction = force, direction
+        if comes and self._on_way(at, direction, SAME_WAY):
+            self.ordered, self.direction, self._at = force, direction, at
             return
         items = (self.grasp, self._wrench) if then is HandState.GRIP else (self.contact, self._force)
         present = (*self._controller.tasks, *self._controller.contacts)
@@ -240,26 +243,37 @@ class Hand:
         if not (comes or at is None):
             self.sensor.forget()
         self._begin(HandState.REACH)
-        self.direction, self._came, self.ordered, self._then, self._at = direction, direction, force, then, at
+        self.direction, self._came, self.ordered, self._then = direction, direction, force, then
+        self._at = self._to = at
         if at is None:
             self._search(pin.SE3(self.arm.place))
         else:
-            gap = GAP if then is HandState.GRIP else CLEARANCE
-            self._go(at - (gap + self._settings.length) * direction)
+            self._go(at)
 
-    def _go(self, point: Array) -> None:
-        """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
-        start = self.arm.place
-        way = point - start.translation
-        turn = least_turn(self._axis, start.rotation.T @ self.direction)
+    def _on_way(self, at: Array | None, direction: Array, most: tuple[float, float]) -> bool:
+        """Return True if place and direction are those of its way, but for a distance, m, and an angle, rad."""
+        to = self._to
+        near = at is to if at is None or to is None else math.dist(at, to) < most[0]
+        return near and math.dist(direction, self._came) < most[1]
+
+    def _before(self, at: Array) -> tuple[pin.SE3, Array]:
+        """Return the pose of the hand before a place, and its rotation vector from where the hand is."""
+        rotation, gap = self.arm.place.rotation, GAP if self._then is HandState.GRIP else CLEARANCE
+        turn = least_turn(self._axis, rotation.T @ self.direction)
+        return pin.SE3(rotation @ pin.exp3(turn), at - (gap + self._settings.length) * self.direction), turn
+
+    def _go(self, at: Array) -> None:
+        """Go before a place: away from the surface, along it, and towards it last, so that nothing is brushed."""
+        start, (end, turn) = self.arm.place, self._before(at)
+        way = end.translation - start.translation
         towards = float(way @ self.direction) * self.direction
         first = towards if towards @ self.direction < 0.0 else way - towards
         lengths = float(np.linalg.norm(first)), float(np.linalg.norm(way - first))
         share = lengths[0] / max(sum(lengths), ROUNDING)
-        stops = [(1.0, pin.SE3(start.rotation @ pin.exp3(turn), point))]
+        stops = [(1.0, end)]
         if min(lengths) > LEAST_WAY:
             corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
-            stops = [(share, corner), (1.0 - share, stops[0][1])]
+            stops = [(share, corner), (1.0 - share, end)]
         limits = [{"duration": part * self._settings.reach_time} for part, _ in stops]
         self.arm.send(Route([place for _, place in stops], WORLD, TURN, limits))
 
@@ -271,6 +285,7 @@ class Hand:
 
     def release(self) -> None:
         """Take the force back and let go."""
+        self.order = ()
         if self.state is HandState.HOLD:
             if self.ordered > 0.0:  # else it is being taken back already
                 self._fade(self._settings.ramp)
@@ -321,12 +336,15 @@ class Hand:
         self._wrench.follow((self._borne.reshape(2, 3) @ self.arm.place.rotation).ravel())
 
     def _go_on(self) -> None:
-        """Learn the tare on the way, and begin what comes after it."""
+        """Learn the tare on the way, go on to the last order, and begin what comes after it."""
         arm = self.arm
         self.sensor.learn(self._touch)
         if arm.moving or (target := arm.target) is None:
             return
-        if self._then is HandState.HOLD:
+        if self._at is not None and not self._on_way(self._at, self.direction, THERE):
+            self._to, self._came = self._at, self.direction
+            arm.send(Route([self._before(self._at)[0]], WORLD, TURN, speed=self._settings.approach))
+        elif self._then is HandState.HOLD:
             self._search(target)
         else:
             self._enter(HandState.GRIP)
@@ -367,7 +385,7 @@ class Hand:
 
     def _fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""
-        self.ordered, self.order = 0.0, ()
+        self.ordered = 0.0
         self.force.fade(duration)
 
     def _lose(self) -> None:

@@ -153,6 +153,7 @@ class Hands:
         place: Array = shoulder + each.span * np.array([c * ahead - s * left, s * ahead + c * left, -below])
         return place
 
+    @checked
     def press(
         self,
         hand: str,
@@ -165,7 +166,8 @@ class Hands:
         """Approach a surface with a hand and press on it with a force that is measured; or change force and direction.
 
         Force and direction of a hand that presses change within `HandSettings.ramp`. The same order once more changes
-        nothing while the hand carries it out.
+        nothing, also where the hand has lost its contact, until the hand is released. A place that changes by up to
+        20 mm while the hand is on its way is gone to at the end of that way.
 
         Args:
             hand: Role of the hand.
@@ -186,9 +188,9 @@ class Hands:
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
 
-        The same order once more changes nothing while the hand carries it out. The hand is there when its state is
-        `HandState.GRIP`; whoever drives its fingers closes them then. From then on another order to grip changes the
-        limit alone, until the hand is released.
+        Orders in a stream act as those of `press`. The hand is there when its state is `HandState.GRIP`; whoever drives
+        its fingers closes them then. From then on another order to grip changes the limit alone, until the hand is
+        released.
 
         Args:
             hand: Role of the hand.

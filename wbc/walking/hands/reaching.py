@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array
 from wbc.core.frames import pose
@@ -65,6 +66,7 @@ class Arms:
         """Return the arm of a hand by its role."""
         return self.all[choose("hand", name, self.all)]
 
+    @checked
     def place(self, name: str, where: pin.SE3 | None, velocity: ArrayLike | None = None) -> None:
         """State where an object is; call it again whenever it has moved.
 

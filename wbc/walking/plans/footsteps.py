@@ -81,7 +81,7 @@ class Footstep:
         if not isinstance(self.fixed, bool):
             raise InputError(f"fixed of a footstep is True or False, got {shown(self.fixed)}")
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
-            finite_scalar(f"{name} of a footstep", getattr(self, name))
+            object.__setattr__(self, name, finite_scalar(f"{name} of a footstep", getattr(self, name)))
 
     @property
     def position(self) -> Array:
