@@ -194,7 +194,9 @@ class StateMachine(Behaviour):
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}
         names = [state.name for state in states]
-        if not states or len(self.states) != len(states):
+        if not states:
+            raise InputError(f"machine '{name}' needs at least one state")
+        if len(self.states) != len(states):
             raise InputError(f"machine '{name}' needs states of different names, got {names}")
         following = zip(names, [*names[1:], END], strict=True)
         self.transitions: dict[str, dict[str, str]] = {state: {"done": goal} for state, goal in following}
@@ -441,7 +443,10 @@ class Program(Control):
         after_tick: Callable[[], object] | None = None,
         record: Callable[[Any, Program, Measurement, Command], object] | None = None,
     ) -> str | None:
-        """Run in a simulation until the machine ends, and return its outcome; None if `seconds` are over before.
+        """Run in a simulation until the machine ends, and return its outcome; None before its end.
+
+        The run ends when the time of the program is `seconds`. A machine that has ended does not run again before
+        `reset`.
 
         `plant` is an object with `measure()` and `step(command)`, such as a `wbc.Plant`. `after_tick` is called after
         each tick, for example to update a view. `record` is called in each tick with plant, program, measurement and

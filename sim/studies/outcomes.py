@@ -76,7 +76,7 @@ def _check_kind(kind: object) -> None:
         raise InputError(f"a kind of trial must be a wbc.sim.studies.TrialKind, got {shown(kind)}")
 
 
-KINDS: Registry[TrialKind] = Registry("kind of trial", group="wbc.trials", check=_check_kind)
+KINDS: Registry[TrialKind] = Registry("trial kind", group="wbc.trials", check=_check_kind)
 """Kinds of trials by the `kind` of their specs; other packages offer theirs by entry points."""
 
 

@@ -113,7 +113,7 @@ class TrialSpec:
         A file of code that the spec names is run only if a user has named it, too (`wbc.base.registry.allow_code`).
         """
         values = json_object(cls.__name__, data)
-        choose("kind of trial", values.pop("kind", cls.kind), (cls.kind,))
+        choose("trial kind", values.pop("kind", cls.kind), (cls.kind,))
         with reading_data():
             return from_json(cls, values)
 

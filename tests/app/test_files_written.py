@@ -159,7 +159,7 @@ def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Pa
     assert main(["walk", "--spec", "walk.json", "--json"]) == RAN
     walked = json.loads(capsys.readouterr().out)
     assert walked["spec"] == again["spec"] and walked["distance"] == again["result"]["distance"]
-    for key, message in (("zz", "no key of the journal 'zz'"), ("", "no key of the journal")):
+    for key, message in (("zz", "no key 'zz' of the journal"), ("", "no key '' of the journal")):
         assert main(["study", "run", "--journal", "bad journal.jsonl", "--key", key]) == BAD_INPUT
         assert message in capsys.readouterr().err
 

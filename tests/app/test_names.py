@@ -66,7 +66,7 @@ def test_a_frame_that_has_the_name_of_a_class_of_another_library_is_a_frame() ->
 
 def test_a_role_that_is_near_is_suggested_and_each_name_once() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
-    with pytest.raises(wbc.WbcError, match="no role of a frame 'left_hnd'; did you mean 'left_hand'"):
+    with pytest.raises(wbc.WbcError, match="no role 'left_hnd' of a frame; did you mean 'left_hand'"):
         robot.frames["left_hnd"]
     with pytest.raises(wbc.WbcError) as missing:
         wbc.balance_controller(robot, 0.005).add(wbc.PositionTask("left_han"))

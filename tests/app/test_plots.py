@@ -56,7 +56,7 @@ def shows(figure: Figure, values: np.ndarray) -> bool:
 
 
 def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
-    balance = draw("balance", [log])
+    balance = draw("balance", log)
     for group in ("zmp/measured", "zmp/reference", "dcm/estimated", "com/estimated", "com/reference"):
         assert shows(balance, log[group][:, 0]) and shows(balance, log[group][:, 1]), group
     assert shows(balance, 1e3 * log["stabilizer/dcm_error/y"])

@@ -113,7 +113,7 @@ RESULTS: tuple[tuple[dict[str, Any], list[str], str], ...] = (
         ["--metric", "outcome"],
         "'outcome' of the results must be numbers",
     ),
-    ({"steps_done": 3}, ["--completed"], "no part of a result 'outcome'"),
+    ({"steps_done": 3}, ["--completed"], "no part 'outcome' of a result"),
 )
 """Results of a trial in a journal, options of its table, and what its message names beside the file."""
 

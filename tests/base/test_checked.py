@@ -104,9 +104,9 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: Spring().press((0, 0, 1), 0), "count of Spring.press"),
     (lambda: Ball(2.0), r"^radius of Ball \(m\) must be less than or equal to 1, got 2.0$"),
     (lambda: stretch(float("inf")), r"^length of stretch \(m\) must be a finite number, got inf$"),
-    (lambda: Spring(rato=1.0), r"^no argument of Spring 'rato'; did you mean 'ratio'"),  # type: ignore[call-arg]
-    (lambda: Spring(rump=1.0), r"^no argument of Spring 'rump'; did you mean 'ramp'"),  # type: ignore[call-arg]
-    (lambda: Spring().press(forse=(0, 0, 1)), r"^no argument of Spring.press 'forse'; did you mean 'force'"),  # type: ignore[call-arg]
+    (lambda: Spring(rato=1.0), r"^no argument 'rato' of Spring; did you mean 'ratio'"),  # type: ignore[call-arg]
+    (lambda: Spring(rump=1.0), r"^no argument 'rump' of Spring; did you mean 'ramp'"),  # type: ignore[call-arg]
+    (lambda: Spring().press(forse=(0, 0, 1)), r"^no argument 'forse' of Spring.press; did you mean 'force'"),  # type: ignore[call-arg]
     (lambda: stretch(1.0, 2.0), r"spring of stretch must be of class Spring, got 2.0"),  # type: ignore[arg-type]
 ]
 

@@ -151,7 +151,7 @@ BAD = {
     "'Tip' has no OFFSET": SMALL.replace("OFFSET 5 5 5", ""),
     "'Long name' has no CHANNELS": SMALL.replace("CHANNELS 1 Xrotation", ""),
     "says 2 channels, and names 1": SMALL.replace("CHANNELS 1", "CHANNELS 2"),
-    "no channel of joint 'Long name' 'Wrotation'": SMALL.replace("CHANNELS 1 X", "CHANNELS 1 W"),
+    "no channel 'Wrotation' of joint 'Long name'": SMALL.replace("CHANNELS 1 X", "CHANNELS 1 W"),
     "stands twice": SMALL.replace("Zrotation Yrotation Xrotation X", "Zrotation Zrotation Xrotation X"),
     "Frames: NUMBER": SMALL.replace("Frames: 2", "Frames: two"),
     "Frame Time must be 0.0001 to 1 s, got 0": SMALL.replace("0.025", "0"),

@@ -536,7 +536,7 @@ def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("CUBE", r"no kind of trial of .*own\.py 'CUBE'"),
+        ("CUBE", r"no trial kind 'CUBE' of .*own\.py"),
         ("run", "must be a wbc.sim.studies.TrialKind"),
         ("FORGETFUL", "must keep the kind"),
         ("SQUARE#0123", "has changed"),

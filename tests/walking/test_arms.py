@@ -95,7 +95,7 @@ def test_an_object_is_forgotten_once_no_hand_has_its_target_there() -> None:
     walking.arms.place("box", pin.SE3.Identity())
     walking.arms.place("box", None)
     walking.arms.place("box", None)
-    with pytest.raises(InputError, match="no frame of a hand's target 'box'"):
+    with pytest.raises(InputError, match="no frame 'box' of a hand's target"):
         walking.arms["left_hand"].reach([0.0, 0.0, 0.1], "box")
 
 

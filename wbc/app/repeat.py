@@ -107,13 +107,11 @@ class RepeatWalk(TrialHook):
 
 def first_difference(log: Log, other: Log) -> str | None:
     """Return where two logs of one run differ first, in words; None where they are the same bit for bit."""
-    names = set(log.signals) ^ set(other.signals)
-    if names:
-        return f"signals that only one of them has: {', '.join(sorted(names)[:3])}"
+    compared = [{name for name in each.signals if not name.startswith(NOT_COMPARED)} for each in (log, other)]
     ticks = min(len(log), len(other))
     first, found = ticks, ""
     for name in log:
-        if name.startswith(NOT_COMPARED):
+        if name not in compared[0] & compared[1]:
             continue
         one, two = (each.column(name).slice(0, ticks) for each in (log, other))
         if one.equals(two):
@@ -125,7 +123,8 @@ def first_difference(log: Log, other: Log) -> str | None:
         return f"from {log.time[first]:.3f} s on, first in {found}"
     if len(log) != len(other) and log.broken is None:
         return f"{len(log)} ticks, and {len(other)} when repeated"
-    return None
+    lacking = sorted(compared[0] ^ compared[1])
+    return f"only in signals that one of them lacks: {', '.join(lacking[:3])}" if lacking else None
 
 
 def _first(one: list[Any], two: list[Any]) -> int:

@@ -99,7 +99,7 @@ IN_PLACE_OF = {
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
-    """Raise `UnknownNameError` for a name of a kind ("frame", "joint", "robot", …) that is not among the choices."""
+    """Raise `UnknownNameError` for a name of a kind ("frame", "joint of the robot") that is not among the choices."""
     names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
@@ -109,7 +109,8 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
         hint = "choices: " + (", ".join(names) or "none")
     else:
         hint = f"there are {len(names)}, among them " + ", ".join(names[:10])
-    raise UnknownNameError(f"no {kind} '{given}'; {hint}")
+    noun, of, whole = kind.partition(" of ")
+    raise UnknownNameError(f"no {noun} '{given}'{of}{whole}; {hint}")
 
 
 def missing_from(module: str, name: str, rooms: Iterable[str]) -> NoReturn:

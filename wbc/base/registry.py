@@ -98,6 +98,8 @@ class Registry(dict[str, T]):
     def __missing__(self, name: str) -> T:
         offered = self.offered()
         if name not in offered:
+            if str(name).endswith(".py"):
+                raise InputError(f"a {self.kind} in a file is named as {name}:NAME")
             unknown_name(self.kind, name, self.names())
         point = offered[name]
         try:

@@ -63,7 +63,7 @@ def missing(name: str, log: Log) -> str | None:
 
 @as_written
 @checked
-def draw(name: str, logs: Sequence[Log]) -> Figure:
+def draw(name: str, logs: Log | Sequence[Log]) -> Figure:
     """Draw a ready-made figure, "balance", "plan" or "stiffness", from one or several logs.
 
     Args:
@@ -71,6 +71,7 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
         logs: One or several logs, which are drawn side by side or in the same axes.
     """
     choose("figure", name, FIGURES)
+    logs = [logs] if isinstance(logs, Log) else logs
     if len(logs) == 0:
         raise InputError("a figure needs at least one log")
     for log in logs:

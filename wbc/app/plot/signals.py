@@ -47,13 +47,14 @@ def select(logs: Sequence[Log], words: Sequence[str], figures: Iterable[str] = (
 
 @as_written
 @checked
-def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
+def draw_signals(logs: Log | Sequence[Log], words: Sequence[str]) -> Figure:
     """Draw signals over time: one panel for each unit, one colour for each signal, one line style for each log.
 
     Args:
         logs: One or several.
         words: Signals, groups of signals, or patterns with * and ?.
     """
+    logs = [logs] if isinstance(logs, Log) else logs
     if len(logs) == 0 or len(words) == 0:
         raise InputError(f"a figure needs at least one {'log' if len(logs) == 0 else 'signal'}")
     names = select(logs, words)
