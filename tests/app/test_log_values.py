@@ -158,7 +158,9 @@ def test_two_logs_differ_first_where_one_of_their_signals_does(tmp_path: Path) -
     first.broken = "cut off"
     assert first_difference(first, short) is None, "as far as it goes"
     unlike = {"own": TIME, "view/change": [""] * TICKS}
-    assert first_difference(log("whole"), log("more", **unlike)) == "only in signals that one of them lacks: own"
+    assert (
+        first_difference(log("whole"), log("more", **unlike)) == "only in signals that one of them lacks: own"
+    )
 
 
 def test_a_repetition_ends_with_the_tick_at_which_the_walk_was_ended() -> None:
