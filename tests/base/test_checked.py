@@ -220,15 +220,19 @@ def test_attributes_that_are_fixed_or_results_are_not_assigned() -> None:
     class Plant:
         period: float = fixed("make another plant")
         place: Any = result("_place", "call `move`")
+        parts: Any = result("_parts", "make another plant")
 
         def __init__(self) -> None:
-            self.period, self._place = 0.5, np.zeros(2)
+            self.period, self._place, self._parts = 0.5, np.zeros(2), {"foot": 1}
 
     plant = Plant()
-    for name in ("period", "place"):
+    for name in ("period", "place", "parts"):
         with pytest.raises(InputError, match=f"{name} of Plant"):
             setattr(plant, name, 1.0)
     with pytest.raises(ValueError, match="read-only"):
         plant.place[0] = 1.0
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        plant.parts["foot"] = 2
+    assert plant.parts == {"foot": 1}
     plant._place[0] = 2.0
     assert plant.period == 0.5 and plant.place[0] == 2.0

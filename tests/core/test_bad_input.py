@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from collections.abc import Callable
 from functools import cache
@@ -381,3 +382,13 @@ def test_a_box_can_be_moved() -> None:
         with pytest.raises(InputError, match="limit 'torso_link"):
             box.bounds = wrong
     np.testing.assert_equal(box.lower, [-5.0] * 3)
+
+
+def test_a_limit_that_no_controller_has_goes_to_another_process() -> None:
+    """Such as one of a filter of a policy in a sweep."""
+    for limit in (
+        pairs("pelvis", "torso_link", shapes={"pelvis": BALL, "torso_link": BALL}),
+        wbc.JointLimits(),
+    ):
+        copy = pickle.loads(pickle.dumps(limit))
+        assert repr(copy) == repr(limit) and getattr(copy, "shapes", None) == getattr(limit, "shapes", None)

@@ -139,7 +139,7 @@ class Fixed:
 
 
 class Result(Fixed):
-    """Attribute that shows another one, of which arrays cannot be written: its name, and what to do instead."""
+    """Attribute that shows another one, of which arrays and dictionaries cannot be written."""
 
     def __init__(self, source: str, instead: str) -> None:
         """Take the attribute with the value, such as "gate.faults", and what to do in place of an assignment."""
@@ -151,7 +151,9 @@ class Result(Fixed):
         if of is None:
             return self
         value = self._value(of)
-        return read_only(value) if isinstance(value, np.ndarray) else value
+        if isinstance(value, np.ndarray):
+            return read_only(value)
+        return types.MappingProxyType(value) if type(value) is dict else value
 
     def __set__(self, of: Any, value: Any) -> None:
         """Raise an `InputError`."""

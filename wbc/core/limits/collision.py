@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
 from typing import Annotated, Literal, NamedTuple
 
 import coal
@@ -190,12 +189,10 @@ class CollisionLimit(Barrier):
             raise InputError(f"limit '{name}' has two obstacles of one name: {named}")
         if not (self.pairs or named):
             raise InputError(f"limit '{name}' needs at least one pair of links, or an obstacle")
-        self._shapes = MappingProxyType(
-            {
-                frame: tuple(given) if isinstance(given, Sequence) else (given,)
-                for frame, given in (shapes or {}).items()
-            }
-        )
+        self._shapes = {
+            frame: tuple(given) if isinstance(given, Sequence) else (given,)
+            for frame, given in (shapes or {}).items()
+        }
         for frame, given in self._shapes.items():
             if not given or any(isinstance(each, ENDLESS) for each in given):
                 raise InputError(
