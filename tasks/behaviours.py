@@ -415,10 +415,17 @@ class Program(Control):
             self._begin()
 
     def tick(self) -> None:
-        """Run one tick of the machine alone; `command` calls it."""
+        """Run one tick of the machine alone; `command` calls it.
+
+        A machine that another program runs is an `InputError`.
+        """
         if self.ended:
             return
         if self._scope is None:
+            if self.path != self.machine.name:
+                raise InputError(
+                    f"a program is in '{self.path}' already: reset that one, or make another machine"
+                )
             self._scope = Scope(self, self.machine.name)
             self.machine.start(self._scope)
         else:

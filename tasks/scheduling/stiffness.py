@@ -174,12 +174,20 @@ class StiffnessScheduler:
             if (stiffness := self.policy.standing(stands)) is not None:
                 self.actuator.check(stiffness)
         self.policy.prepare(self.timing.scan)
+        self._model = robot.model
         self._frames = tuple(robot.frame_id(sole.frame) for sole in robot.soles)
         self._sensor = toe_sensor(foot)
         self._scan = GroundScan(self.timing.scan)
         self._initial = float(foot.stiffness)
         self.steps: deque[StepStiffness] = deque(maxlen=self.timing.history)
         self.reset()
+
+    def check_robot(self, robot: Robot) -> None:
+        """Raise an `InputError` for a robot of another description than the one that the scheduler was made with."""
+        if list(robot.model.names) != list(self._model.names):
+            raise InputError(
+                f"stiffness must be scheduled for the robot that walks, '{robot.name}', not for '{self._model.name}'"
+            )
 
     def reset(self, stiffness: float | None = None) -> None:
         """Clear records and scan, and command a stiffness, Nm/rad; when None, that of the foot's description."""

@@ -339,6 +339,16 @@ def test_a_program_that_is_reset_runs_again_as_it_ran_first() -> None:
     assert run(program) == "done" and program.time == time and program.history == history
 
 
+def test_a_machine_runs_in_one_program_at_a_time() -> None:
+    machine = StateMachine("m", steps("one", "two"))
+    first, second = (Program(machine, standing("hrp4_class", dt=DT)) for _ in range(2))
+    first.tick()
+    with pytest.raises(InputError, match="in 'm/one' already"):
+        second.tick()
+    first.reset()
+    assert run(second) == "done"
+
+
 def test_a_control_that_refuses_a_reset_leaves_its_program_as_it_is() -> None:
     class Once(PositionControl):
         def reset(self, q: Any = None) -> None:

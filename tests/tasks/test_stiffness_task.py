@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 from properties import examples
 
-from wbc.base.errors import WbcError
+from wbc.base.errors import InputError, WbcError
 from wbc.core.frames import Sole
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -24,9 +24,11 @@ from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel
+from wbc.robots import load
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import FixedPolicy, GroundPolicy, ModelPolicy, SwingScan
 from wbc.tasks.scheduling.stiffness import StepStiffness, StiffnessScheduler, StiffnessTiming
+from wbc.walking import WalkingControl
 
 DT = 0.005
 WINDOW = ProfileRecipe().window
@@ -177,6 +179,11 @@ def test_the_stiffness_changes_at_its_time_and_on_the_swinging_foot_alone(
     assert record.decided_before == pytest.approx((1 - decide_at) * SINGLE, abs=DT + 1e-9)
     assert record.planned_before == pytest.approx(record.decided_before, abs=DT + 1e-9)
     assert record.reached and record.actual == pytest.approx(20.0, abs=0.5) and record.fallback is None
+
+
+def test_a_walk_takes_a_scheduler_of_its_robot_alone() -> None:
+    with pytest.raises(InputError, match="for the robot that walks, 'hrp4_class'"):
+        WalkingControl(load("hrp4_class").robot(), None, 0.005, stiffness=make_task())
 
 
 def test_feet_take_turns_and_keep_what_they_have() -> None:

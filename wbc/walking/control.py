@@ -169,8 +169,10 @@ class WalkingControl(SteeredControl):
             reaching=table.reaching,
         )
         self.stiffness, self.ground = stiffness, ground
+        if stiffness is not None:
+            stiffness.check_robot(robot)
         if ground is not None:
-            ground.check_robot(controller.robot)
+            ground.check_robot(robot)
             walk.place_feet_by(ground)
         self.reference: Reference | None = None
         self.stopped = False
