@@ -164,7 +164,9 @@ def test_a_hand_that_has_lost_its_contact_waits_for_an_order() -> None:
     assert hands.lost == ("left_hand",)
     run(plant, walking, 0.5)
     assert walking.stands and not (hands.active or hands.wanted)
-    assert hands.lost == ("left_hand",), "it waits for an order"
+    hands.press(*order)
+    assert hands.lost == ("left_hand",), "it waits for a release: an order may come in every tick"
+    hands.release("left_hand")
     hands.press(*order)
     run(plant, walking, 0.02)
     assert hands.wanted

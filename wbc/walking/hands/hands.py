@@ -285,10 +285,7 @@ class Hands:
             if other is not each and other.state is not HandState.FREE:
                 held += self._zmp_moved(other.ordered * other.direction, other.destination)
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
-        lost, moved = (
-            np.maximum(np.sign(own) * held, 0.0),
-            np.abs(own),
-        )  # with it, on its side; by each 1 N of it
+        lost, moved = np.maximum(np.sign(own) * held, 0.0), np.abs(own)  # with it, on its side; by 1 N of it
         most = float(np.min((room - lost) / np.maximum(moved, ROUNDING)))
         if force > most:
             off = 1e3 * math.hypot(*(lost + force * moved))

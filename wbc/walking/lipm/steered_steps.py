@@ -120,7 +120,7 @@ class SteeredSteps(FootstepSource):
         if steering.goal is None:
             wanted = steering.target or AT_REST
         else:
-            wanted = self._towards_goal(now, steering.goal)
+            wanted = self._towards_goal(now)
             if wanted == AT_REST and now.first is None:
                 steering.goal = None  # it stands there
         if steering.goal is None:
@@ -168,10 +168,11 @@ class SteeredSteps(FootstepSource):
         self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
         return start if now.first is None else close_up(start, now.first)
 
-    def _towards_goal(self, now: Standing, goal: Place) -> Velocity:
-        """Return the velocity towards a goal, at most what the next two steps need; zero where it is reached."""
+    def _towards_goal(self, now: Standing) -> Velocity:
+        """Return the velocity towards the goal, at most what the next two steps need; zero where it is reached."""
         s, start, steering = self.settings, now.start, self.steering
-        way = self._way
+        way, goal = self._way, steering.goal
+        assert goal is not None
         if way.goal is None or math.dist(way.goal, goal) > PLANNED_ARRIVED[0]:
             way = self._way = GoalWay()
         way.goal = goal

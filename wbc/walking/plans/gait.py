@@ -13,8 +13,8 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, finite_array
-from wbc.base.settings import NonNegative, Period, Positive, settings
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import NonNegative, Number, Period, Positive, settings
 
 SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms."""
@@ -185,7 +185,7 @@ class Gait:
 
     @staticmethod
     @checked
-    def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:
+    def for_speed(velocity: tuple[Number, Number, Number], gait: Gait | None = None) -> StepGait:
         """Return the gait for a velocity; steps take less time at a higher velocity.
 
         Values between the columns of `BY_SPEED` are interpolated; the timings are multiples of 10 ms.
@@ -194,8 +194,7 @@ class Gait:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
             gait: Gait whose given values do not change.
         """
-        what = "velocity (forward m/s, left m/s, turn rad/s)"
-        return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
+        return Gait.at_speed(pace(velocity), gait)
 
     @staticmethod
     @checked
