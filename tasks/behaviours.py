@@ -92,6 +92,8 @@ def after(seconds: Annotated[NonNegative, "s"]) -> Condition:
 
 def reached(*things: Any) -> Condition:
     """Return a condition that is True once all targets are reached, of tasks, hands or `walking.body`."""
+    if not things:
+        raise InputError("reached needs at least one task, hand or walking.body")
     for thing in things:
         check_parts("what a condition waits for", thing, "reached")
     return lambda now: all(thing.reached for thing in things)

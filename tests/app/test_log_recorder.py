@@ -334,3 +334,7 @@ def test_a_plant_comes_back_from_the_header(made: str) -> None:
 def test_own_signals_that_cannot_be_kept_are_refused(tmp_path: Path, signal: Any) -> None:
     with pytest.raises(InputError, match=signal[0]):
         record_standing(tmp_path / "own.arrow", 1, *signal)
+    record = Recorder(tmp_path / "twice.arrow")
+    record.add("own", lambda _: 1.0)
+    with pytest.raises(InputError, match="'own' already"):
+        record.add("own", lambda _: 2.0)

@@ -56,8 +56,8 @@ def param(default: Any, about: str, *, at_least: str | None = None, feature: Pos
         default: Its value by default.
         about: Meaning of the parameter, for `wbc terrain`.
         at_least: Name of another parameter that this one must not be below.
-        feature: Size that a foot can feel over the parameter, such as 0.5 for a wavelength; the least of these sizes is
-            the smallest feature of a ground. None for a parameter that is no size.
+        feature: Size that a foot can feel, as a multiple of the parameter: 0.5 for a wavelength. The least of these
+            sizes is the smallest feature of a ground. None for a parameter that is no size.
     """
     return field(default=default, metadata={"about": about, "at_least": at_least, "feature": feature})
 

@@ -83,6 +83,8 @@ class Recorder(TrialHook):
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
         if not all(part.strip() for part in name.split("/")) or "\n" in name:
             raise InputError(f"a signal's name is made of parts separated by '/', got {name!r}")
+        if any(name == signal.name for signal, _ in self._added):
+            raise InputError(f"there is a signal '{name}' already; choose another name")
         self._added.append((Signal(name, unit, about), value))
 
     def __call__(
