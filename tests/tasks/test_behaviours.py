@@ -309,7 +309,7 @@ def test_a_state_has_any_name_but_that_of_an_end(name: str) -> None:
         (lambda: StateMachine("m", steps("a"), {"a": {"tiemout": "a"}}), "'tiemout'"),
         (lambda: StateMachine("m", steps("a", "a")), "name"),
         (lambda: StateMachine("m", []), "at least one state"),
-        (lambda: reached(), "at least one task"),
+        (reached, "at least one task"),
         (lambda: Behaviour("a/b"), "/"),
         (lambda: Behaviour("a", timeout=0.0), "timeout"),
         (lambda: Program(StateMachine("m", steps("a")), 3.0), "control"),
