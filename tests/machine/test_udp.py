@@ -15,7 +15,7 @@ import pytest
 
 import wbc
 from wbc import Command, Measurement
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, WbcError
 from wbc.machine import UdpDriver, UdpRobot, udp
 from wbc.machine.udp import COMMAND, DAMP, HELLO, MEASUREMENT, End
 from wbc.sim import MujocoLoop, Plant, RobotServer
@@ -345,6 +345,26 @@ BAD = {
     "infinite": lambda c: replace(c, joint_position=np.full(NA, -np.inf)),
     "1e30": lambda c: replace(c, kp=np.full(NA, 1e30)),
 }
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"joint_position": None},
+        {"joint_velocity": "fast"},
+        {"joint_torque": np.zeros(NA + 1)},
+        {"sole_range": np.array(["near", "far"])},
+        {"wrench_source": "guessed"},
+        {"time": None},
+    ],
+)
+def test_a_measurement_that_no_packet_holds_is_refused_where_it_is_sent(
+    wire: Wire, change: dict[str, Any]
+) -> None:
+    sent = random_measurement(wire.rng)
+    with pytest.raises(WbcError, match=next(iter(change)).replace("wrench_source", "origin")):
+        wire.robot._end.pack(MEASUREMENT, 1, replace(sent, **change))
+    wire.robot._end.pack(MEASUREMENT, 1, replace(sent, sole_range=None, sole_stiffness=None))
 
 
 BAD_ON_THE_WIRE = BAD | {

@@ -62,7 +62,8 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError, choose, shown
+from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.signals import Command, Measurement, WrenchSource
 from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
@@ -115,6 +116,9 @@ ARRAYS = {
     | {"sole_stiffness": 16, "released": 32},
 }
 """Arrays of a kind in their order, with the flag of those that may be missing."""
+
+UNREAD = ("sole_range", "sole_stiffness")
+"""Arrays of a measurement that are NaN where nothing was read, and are left out then."""
 
 ORIGINS, ORIGIN = get_args(WrenchSource), 32
 """Origins of sole wrenches; the flags of a measurement, divided by `ORIGIN`, are the number of one."""
@@ -174,18 +178,20 @@ class End:
         arrays, flags, stamp = ARRAYS.get(kind, {}), 0, 0.0
         if arrays and not isinstance(content, wanted := Command if kind == COMMAND else Measurement):
             raise InputError(f"a packet must carry a {wanted.__name__}, got {shown(content)}")
-        values = {name: getattr(content, name) for name in arrays}
         if kind == MEASUREMENT and isinstance(content, Measurement):
-            flags, stamp = ORIGIN * ORIGINS.index(content.wrench_source), content.time
-            unknown = [name for name in ("sole_range", "sole_stiffness") if np.isnan(values[name]).all()]
-            values |= dict.fromkeys(unknown)
+            origin = choose("origin of sole wrenches", content.wrench_source, ORIGINS)
+            flags, stamp = ORIGIN * ORIGINS.index(origin), stamp_of(content.time)
         elif isinstance(content, Command):
             stamp = content.period or 0.0
-        sent = {name: value for name, value in values.items() if value is not None}
+        values = {name: getattr(content, name) for name in arrays}
+        sent = {name: value for name, value in values.items() if value is not None or not arrays[name]}
+        for name, value in list(sent.items()):
+            shape, is_number = self._shape(name), np.asarray(value).dtype.kind in "biuf"
+            if is_number and kind == MEASUREMENT and name in UNREAD and np.isnan(value).all():
+                del sent[name]
+            elif not is_number or np.shape(value) != shape:
+                raise InputError(f"{name} of a packet must be numbers of shape {shape}, got {shown(value)}")
         flags += sum(arrays[name] for name in sent)
-        for name, value in sent.items():
-            if np.shape(value) != (shape := self._shape(name)):
-                raise InputError(f"{name} of a packet must have the shape {shape}, got {np.shape(value)}")
         own = self.key if key is None else key
         data = HEADER.pack(MAGIC, kind, flags, self._joints, own, to, self._number, stamp)
         if sent:
