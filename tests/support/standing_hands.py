@@ -48,15 +48,15 @@ def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Calla
     hand = hands.all[name]
 
     def tick(most: float) -> None:
-        felt = max(hand.force.planned, 2.0 * hands.settings.touch)
+        felt = max(hand.force.total, 2.0 * hands.settings.touch)
         feel(
             hand,
             -felt * hand.direction,
-            chosen=(0.0, 0.0, min(most, hand.force.ramp.value)),
+            chosen=(0.0, 0.0, min(most, hand.force.ramp.value + hand.force.extra)),
         )
 
     hands.press(name, force, along, firm=True)
-    while hand.state is not HandState.HOLD or hand.force.planned < force:
+    while hand.state is not HandState.HOLD or hand.force.total < force:
         tick(np.inf)
     return hand, tick
 

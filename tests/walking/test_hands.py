@@ -138,9 +138,9 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
     assert abs(trial.control.controller.solution.torques[index]) <= bound + 1e-6
-    assert all(bounded[40:]) and 5.0 < hand.force.planned < 0.9 * 25.0
-    assert hand.pressed == pytest.approx(hand.force.planned, abs=2.0) and hand.state is HandState.HOLD
-    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.force.planned, abs=3.0)
+    assert all(bounded[40:]) and 5.0 < hand.force.total < 0.9 * 25.0
+    assert hand.pressed == pytest.approx(hand.force.total, abs=2.0) and hand.state is HandState.HOLD
+    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.force.total, abs=3.0)
 
 
 class Grip(TrialHook):
@@ -343,7 +343,7 @@ def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
     ):
         for _ in range(3):
             tick(most)
-            assert (hand.force.planned, hand.bounded) == (pytest.approx(given), bounded)
+            assert (hand.force.total, hand.bounded) == (pytest.approx(given), bounded)
 
 
 # ---- in a tick: against closed forms -------------------------------------------------------------------------------
@@ -491,7 +491,7 @@ def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
         angles.append(np.arctan2(-z, x))
         np.testing.assert_allclose(hand.contact.normal, -hand.direction, atol=1e-12)
         tick(np.inf)
-    assert hand.state is HandState.HOLD and hand.force.planned == pytest.approx(12.0)
+    assert hand.state is HandState.HOLD and hand.force.total == pytest.approx(12.0)
     np.testing.assert_allclose(hand.direction, (0.6, 0.0, -0.8))
     turn, fastest = np.arctan2(0.8, 0.6), 15.0 / 8.0 * 0.005 / 0.1  # of a minimum jerk in a tick
     assert angles[0] == 0.0 and np.diff(angles).min() >= 0.0
@@ -556,13 +556,13 @@ def ticks_of(walking: WalkingControl, *, follows: bool = False) -> Callable[[], 
 
     def tick() -> list[Any]:
         holds, searches = (hand.state is state for state in (HandState.HOLD, HandState.APPROACH))
-        feel(hand, -(hand.force.planned if holds else 5.0 * searches) * hand.direction)
+        feel(hand, -(hand.force.total if holds else 5.0 * searches) * hand.direction)
         walking.arms.update(feet, 0.0)
         target = hand.arm.task.target
         if follows:
             hand.arm.place.translation, hand.arm.place.rotation = target.translation, target.rotation
         places = *target.translation, *target.rotation.ravel(), *hand.direction
-        return [hand.state, *places, *hand.arm.task.scale, hand.force.planned, hand.ordered]
+        return [hand.state, *places, *hand.arm.task.scale, hand.force.total, hand.ordered]
 
     return tick
 

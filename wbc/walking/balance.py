@@ -1,7 +1,7 @@
 """Balance by the stabilizer, of planned steps and of sources of one's own, with what is known of the pendulum's errors.
 
     state = balance.correct(state, last)                        DCM less its bias and the shift by hands
-    output = balance.update(reference, last, state, outside)    stabilizer, lean
+    output = balance.update(reference, last, state, outside)    stabilizer, help by hands, lean
 
 In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
 torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
@@ -99,7 +99,7 @@ class Balance:
 
         Feet whose contact is another one than in the last references, None in the first tick, begin anew.
         """
-        dt, robot, stabilizer = self._dt, state.robot, self.stabilizer
+        hands, dt, robot, stabilizer = self.hands, self._dt, state.robot, self.stabilizer
         contact = reference.progress.contact
         stabilizer.mass = robot.mass  # with what it carries
         self.output = output = stabilizer.update(
@@ -118,6 +118,8 @@ class Balance:
         for side in (0, 1):
             if contact[side] != before[side]:
                 stabilizer.feet.reset(side)
+        if outside is not None and hands is not None and not output.in_air:
+            hands.help(output.feet.shortfall[3:5], output.zmp)
         if self.lean is not None:  # towards the moment that the feet cannot give
             if self.load is not None:
                 self.lean.set_mass(self._robot.mass)

@@ -155,7 +155,8 @@ class WalkingControl(SteeredControl):
         height, estimate = height_of(robot, walk), observer.robot
         self._hands: Hands | None = None
         if robot.frames:
-            self._hands = Hands(controller, estimate, s.hands, height, self.arms)
+            box = walk.standing_box if isinstance(walk, SteppingWalk) else None
+            self._hands = Hands(controller, estimate, s.hands, height, self.arms, box)
         self.load = None if s.load is None else HeldLoad(estimate, observer.observe_outside(), s.load)
         self.balance: Balance | None = None
         table = self.tasks.table

@@ -1,4 +1,4 @@
-"""Force with which a hand presses: the one asked for, as far as the arm gives it."""
+"""Force with which a hand presses: the one asked for, as far as the arm gives it, and help for the balance."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import math
 
 from wbc.base.numbers import ROUNDING
 from wbc.core.trajectories import Ramp
+
+HELP_TIME = 0.02
+"""Time constant with which hands take over a moment that the feet cannot give, s."""
+
+HELP_LEAK = 0.05
+"""Ratio l of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
 
 BOUNDED = 1.0
 """Lack of force from which on an arm counts as too weak, N."""
@@ -19,11 +25,12 @@ class PressForce:
 
     Attributes:
         ramp: The force that is asked for, N.
+        extra: Force for the balance on top of it, N.
     """
 
     def __init__(self, start: float = 0.0) -> None:
         """Begin with a force, N."""
-        self.ramp = Ramp(start)
+        self.ramp, self.extra = Ramp(start), 0.0
         self._most = math.inf  # force that the arm has, N
         self._lacked = 0.0  # time for which the measured force has been too small, s
 
@@ -36,23 +43,46 @@ class PressForce:
         """Return the planned force after a time, s, N."""
         return min(self.ramp.after(time), self._most)
 
+    @property
+    def total(self) -> float:
+        """Planned force plus the one for the balance, N."""
+        return self.planned + self.extra
+
+    def help(self, lack: float, dt: float) -> None:
+        """Change the force e for the balance for a period dt, s, while the feet lack a force of the hand, N.
+
+        The lack is what remains beside the help that is given: ė = (lack − l e) / T, with T = `HELP_TIME` and the leak
+        l = `HELP_LEAK`. A lack that stays would lead to e = lack / l.
+        """
+        self.extra += dt / HELP_TIME * (lack - HELP_LEAK * self.extra)
+
     def fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""
         self.ramp = Ramp(self.planned)
         self.ramp.to(0.0, duration)
 
-    def advance(self, given: float, asked: float, dt: float) -> bool:
+    def advance(self, given: float, asked: float, dt: float, *, ends: bool) -> bool:
         """Move on by a period dt, s, after the QP has given a force for the one that it was asked for, N.
 
-        The answer is True if the arm is too weak.
+        The force for the balance `ends` with the one that is asked for. The answer is True if the arm is too weak.
         """
         weak = given < asked - BOUNDED
         self._most = given if weak else math.inf
+        before = self.ramp.value
         self.ramp.advance(dt)
+        if ends:
+            self.extra *= self.ramp.value / max(before, ROUNDING)
         return weak
 
     def is_lost(self, pressed: float, touch: float, dt: float) -> bool:
         """Return True once a measured force has been too small for `LOSS_TIME`; no more than two touches are lost."""
-        short = pressed < LOSS * self.planned and self.planned > 2.0 * touch
+        least = min(self.planned, self.total)
+        short = pressed < LOSS * least and least > 2.0 * touch
         self._lacked = self._lacked + dt if short else 0.0
         return self._lacked > LOSS_TIME + ROUNDING
+
+    def asked(self, touch: float) -> float:
+        """Return the force to ask the QP for, N: with help that keeps the contact, and that the arm can give."""
+        least = min(0.0, touch - self.planned)
+        self.extra = min(max(self.extra, least), self._most - self.planned)
+        return self.ramp.value + self.extra

@@ -108,6 +108,10 @@ class HandSettings:
         ramp: Duration of the increase, decrease or change of a force, s.
         lag: Delay T of force sensor and servos together, s. The admittance is 1 / (4 T K), with the stiffness K of the
             arm's servos at the hand.
+        edge: Share of the distance to the edge of the soles by which the ZMP moves for planned forces before the CoM
+            moves. A larger share needs less shift of the CoM, and leaves less margin against disturbances.
+        help: Share of the missing moment of the feet that pressing hands supply where a stabilizer balances the robot,
+            as in position control; with 0 the trunk supplies it.
         share: Share of an arm's torque limits that a force may use, in addition to the weight of the arm.
         margin: Distance that the DCM must keep from the edge of the soles if a force is lost suddenly, m.
     """
@@ -118,6 +122,8 @@ class HandSettings:
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
     lag: Annotated[Positive, "s"] = 0.02
+    edge: Share = 0.0
+    help: Share = 0.0
     share: Share = 0.9
     margin: Annotated[NonNegative, "m"] = 0.01
 
@@ -206,6 +212,11 @@ class Hand:
         """Return the planned wrench on it after a time, s, at the world origin, shape (6,), N and Nm."""
         push = -self.force.planned_after(time) * self.direction
         return np.concatenate((push, np.cross(self.measured.act(self.tip), push)))
+
+    @property
+    def helps(self) -> bool:
+        """True while the balance may ask the hand for more force: from its contact until its release."""
+        return self.state is HandState.HOLD and self.ordered > 0.0
 
     @property
     def at_work(self) -> bool:
@@ -356,15 +367,15 @@ class Hand:
             self._turn.advance(self._dt)
             self.direction = pin.exp3(self._turn.value) @ self._came
             self.contact.normal = -self.direction
-        force, asked = self.force, self._force.target
+        force, asked, ends = self.force, self._force.target, self.ordered == 0.0
         given = asked if chosen is None else chosen
-        self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt)
+        self.bounded = force.advance(float(given[2]), float(asked[2]), self._dt, ends=ends)
         if force.is_lost(self.pressed, self._touch, self._dt):
             self._lose()
-        elif self.ordered == force.ramp.value == 0.0:
+        elif ends and force.ramp.value == 0.0:
             self._free()
         else:
-            self._force.follow(np.array((0.0, 0.0, force.ramp.value)))
+            self._force.follow(np.array((0.0, 0.0, force.asked(self._touch))))
             target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
             self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
@@ -392,6 +403,7 @@ class Hand:
         """Stop where the hand is, as seen from the feet."""
         self.arm.stop(FEET)
         self._enter(HandState.LOST)
+        self.force.extra = 0.0
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:

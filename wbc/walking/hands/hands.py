@@ -34,6 +34,7 @@ from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking.contact import GaitPhase
+from wbc.walking.hands.force import HELP_TIME
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, ZERO, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroSlip
@@ -51,6 +52,10 @@ STILL, NO_FORCE = 1e-5, 0.1
 """Shift of the CoM and its speed together, m and m/s, and force, N, below which hands without an order are done: at a
 height of 1 m 0.1 N moves the ZMP of a robot of 40 kg by a quarter of a millimetre."""
 
+HELP_FROM = 1.0
+"""Moment that the feet cannot give from which hands help, Nm; of a light robot, its share: their distribution leaves a
+little at any time."""
+
 
 class Hands:
     """Hands of one robot.
@@ -64,14 +69,24 @@ class Hands:
     """
 
     def __init__(
-        self, controller: Controller, estimate: Robot, settings: HandSettings, height: float, arms: Arms
+        self,
+        controller: Controller,
+        estimate: Robot,
+        settings: HandSettings,
+        height: float,
+        arms: Arms,
+        box: tuple[float, float] | None = None,
     ) -> None:
-        """Leave the hands free, for a CoM at a height over the soles, m."""
+        """Leave the hands free, for a CoM at a height over the soles, m.
+
+        The ZMP of a robot that stands stays within a `box` about the middle of a sole, to the toes and to the side, m;
+        within the sole when it is None.
+        """
         self._controller, self._robot, self._estimate = controller, controller.robot, estimate
         self.settings, self._dt = settings, controller.dt
         # A loss is survived within one sole: while the robot walks it has no more.
         self._edges = 0.5 * controller.robot.soles[0].length, 0.5 * controller.robot.soles[0].width
-        self._height = height
+        self._box, self._height = self._edges if box is None else box, height
         self.all: Mapping[str, Hand] = MappingProxyType(
             {
                 arm.name: Hand(controller, estimate, arm, index, settings)
@@ -80,6 +95,7 @@ class Hands:
         )
         self.outside = read_only(np.zeros(6))
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
+        self._missing = np.zeros(2)
         self._excess: dict[str, Array] = {}  # hand that grips → force to which it yields in the next tick, N
         self._measurement: Measurement | None = None  # the last one
         self.active = False
@@ -331,7 +347,7 @@ class Hands:
         self.outside = read_only(outside + lag_gain(dt, FILTER_TIME) * (felt + pulled - outside))
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
-        self._shift.follow(-offset - self._shift.value, dt)
+        self._shift.follow(self._beyond_zmp(-offset, reference.progress.heading) - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= STILL
         self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > NO_FORCE
         if not self.active:
@@ -366,7 +382,33 @@ class Hands:
         excess[:, 2] = forces[:, 2]
         return {hand.name: force for hand, force in zip(gripping, excess, strict=True)}
 
+    def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
+        """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
+        parts = along((math.cos(yaw), math.sin(yaw)), *goal.tolist())  # towards the toes, and to the side
+        to_edge = min(edge / max(abs(part), ROUNDING) for edge, part in zip(self._box, parts, strict=True))
+        return np.asarray(goal * max(0.0, 1.0 - self.settings.edge * to_edge))
+
     def shifted(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum without hands, moved for their forces."""
         shift = self._shift
         return pendulum.moved(*(np.append(x, 0.0) for x in (shift.value, shift.velocity, shift.acceleration)))
+
+    def help(self, missing: Array, zmp: Array) -> None:
+        """Share a moment that the feet lack, about the x and y axes through the ZMP, Nm, among the hands that press."""
+        pressing = [hand for hand in self.all.values() if hand.helps]
+        if not pressing or self.settings.help == 0.0:
+            self._missing[:] = 0.0
+            return
+        arms = [hand.measured.act(hand.tip) - zmp for hand in pressing]
+        levers = np.array(
+            [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
+        ).T
+        # The measured forces of the hands contain their help: `missing` is the moment that lacks beside it.
+        size = math.hypot(missing[0], missing[1])
+        least = HELP_FROM * self._robot.force_scale
+        lacks = missing * (max(0.0, 1.0 - least / size) if size > 0.0 else 0.0)
+        self._missing += lag_gain(self._dt, HELP_TIME) * (lacks - self._missing)
+        square = levers @ levers.T + 1e-3 * np.eye(2)
+        wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
+        for hand, force in zip(pressing, wanted.tolist(), strict=True):
+            hand.force.help(force, self._dt)

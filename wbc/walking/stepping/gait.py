@@ -185,6 +185,12 @@ class SteppingWalk(ReferenceSource):
         """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
         return (*self.steering.velocity, self.steering.turn)
 
+    @property
+    def standing_box(self) -> Point:
+        """Half of the box of a sole in which the centre of pressure stays in a stand, along and across it, m."""
+        length, width = self.constants.area.standing_box
+        return 0.5 * length, 0.5 * width
+
     def take(self, planner: FootstepSource | None) -> None:
         """Take footsteps from a planner, from the next step on; None for those of the steering."""
         if isinstance(planner, PlanSource):
