@@ -138,6 +138,7 @@ def test_a_command_of_a_law_that_has_a_wrong_shape_is_not_held() -> None:
         held = own.drives.relay(state, lambda _, wrong=wrong: wrong)
         assert own.drives.failing and held.joint_position is None and held.kp is None
         np.testing.assert_allclose(held.joint_torque, good.joint_torque, atol=1e-6)
+    own.drives.relay(state, lambda _: good)  # a row of failures tells its first reason
     held = own.drives.relay(state, lambda _: None)  # type: ignore[arg-type, return-value]
     assert "must return a wbc.Command" in own.drives.status()
     np.testing.assert_allclose(held.joint_torque, good.joint_torque, atol=1e-6)
