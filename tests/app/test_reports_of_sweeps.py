@@ -89,7 +89,7 @@ def test_a_key_of_a_journal_is_given_as_far_as_it_is_the_only_one(
     assert main([*words, entry.key]) == RAN
     assert f"{entry.key}: done, the same as in the journal (done)" in capsys.readouterr().out
     assert main([*words, "none"]) == BAD_INPUT
-    assert "key of the journal" in capsys.readouterr().err
+    assert "key 'none' of the journal" in capsys.readouterr().err
 
 
 def test_a_trial_is_the_same_when_status_and_result_are(

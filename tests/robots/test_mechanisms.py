@@ -135,7 +135,7 @@ WRONG = {
         [("left_knee", "right_knee", 1.0), ("right_knee", "left_knee", 1.0)],
         "'left_knee', 'right_knee'.*coupled to each other",
     ),
-    "nobody": ([("left_knee", "knee_of_left", 1.0)], "leader of joint 'left_knee'"),
+    "nobody": ([("left_knee", "knee_of_left", 1.0)], "leader 'knee_of_left' of joint 'left_knee'"),
     "the joint below": (
         [("left_knee", "left_ankle_pitch", 1.0)],
         "'left_knee'.*hangs on it.*other way round",
