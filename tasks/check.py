@@ -140,6 +140,11 @@ def _check_barrier(limit: Barrier, robot: Robot, q: Array, v: Array) -> None:
             raise InputError(
                 f"drift of limit '{limit.name}' must have shape ({limit.dim},), got {drift.shape}"
             )
+        if (crossed := below + above < 0.0).any():
+            row = int(np.argmax(crossed))
+            raise InputError(
+                f"limit '{limit.name}' has a lower bound above the upper one: row {row}, by {-(below + above)[row]:.6g}"
+            )
         ends.append((below, -above, rows @ v, drift))
     before, here, after = ends
     for what, given, index in (

@@ -178,6 +178,8 @@ class Height(wbc.Barrier):
             rows *= -1.0
         elif self.mistake == "both signs":
             below[:], above[:] = above.copy(), below.copy()
+        elif self.mistake == "crossed":
+            above[:] = -height - 5.2
         elif self.mistake == "axes":
             rows[:] = pin.getFrameJacobian(robot.model, robot.data, self.id, pin.LOCAL)[2]
 
@@ -194,6 +196,7 @@ class Height(wbc.Barrier):
         ("one sign", "lower bound is .* in row 0, finite differences give"),
         ("both signs", "lower bound is"),
         ("axes", "lower bound is"),
+        ("crossed", "lower bound above the upper one: row 0, by 0.2"),
         ("no drift", "drift is 0 in row 0"),
         ("shape", r"drift .* must have shape \(1,\), got \(3,\)"),
         ("no robot", r"super\(\)\.bind"),
