@@ -32,6 +32,18 @@ def measures(**values: Any) -> MotionMeasures:
     )
 
 
+def feasible_motion(shortened: float) -> Any:
+    return SimpleNamespace(
+        clip="made",
+        after=measures(),
+        before=measures(),
+        stretched=1.5,
+        shortened=shortened,
+        changes={"a": 0.1},
+        unfinished=(),
+    )
+
+
 def test_measures_of_a_clip_are_told_in_percent_and_before_and_after() -> None:
     after = measures(single_support=1.0, joint_excess={}, infeasible_frames=np.zeros(5, dtype=bool))
     rows = [re.split(r" {2,}", line.strip()) for line in motion_command._table(measures(), after)]
@@ -102,15 +114,7 @@ def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stand
     robot, tracked = SimpleNamespace(), []
     monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (robot, clip))
     monkeypatch.setattr(motion_command, "check_motion", lambda *_: SimpleNamespace(feasible=feasible))
-    made = SimpleNamespace(
-        clip="made",
-        after=measures(),
-        before=measures(),
-        stretched=1.5,
-        shortened=0.01,
-        changes={"a": 0.1},
-        unfinished=(),
-    )
+    made = feasible_motion(shortened=0.01)
     monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
 
     class Tracked:
@@ -152,15 +156,7 @@ def test_a_filtered_clip_is_written_and_told_in_degrees_and_millimetres(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     clip: Any = SimpleNamespace(name="clip")
-    made = SimpleNamespace(
-        clip="made",
-        after=measures(),
-        before=measures(),
-        stretched=1.5,
-        shortened=0.012,
-        changes={"a": 0.1},
-        unfinished=(),
-    )
+    made = feasible_motion(shortened=0.012)
     written: list[Any] = []
     monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (None, clip))
     monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)

@@ -94,7 +94,7 @@ class Contact(Motion):
         super().__init__(name, given["stiffness"], given["damping"])
         self._frame, self.cone = frame, cone
         self.rate, self.wrench_weight, self._ramp = given["rate"], given["wrench_weight"], given["ramp"]
-        self._set_forces(options.get("min_force"), options.get("max_force"))
+        self.bear(options.get("min_force"), options.get("max_force"))
         self._yields = given["motion_weight"] is not None
         self.motion_weight = given["motion_weight"]
         self._active = bool(given["active"])
@@ -138,7 +138,7 @@ class Contact(Motion):
     @checked
     def min_force(self, value: Annotated[NonNegative, "N"] | None) -> None:
         usual = self._given_least is None and value == self.min_force
-        self._set_forces(None if usual else value, self._max_force)
+        self.bear(None if usual else value, self._max_force)
 
     @property
     def max_force(self) -> float | None:
@@ -149,7 +149,7 @@ class Contact(Motion):
     @checked
     def max_force(self, value: Annotated[Positive, "N"] | None) -> None:
         usual = self._max_force is None and value == self.max_force
-        self._set_forces(self._given_least, None if usual else value)
+        self.bear(self._given_least, None if usual else value)
 
     @property
     def ramp(self) -> float:
@@ -225,7 +225,7 @@ class Contact(Motion):
                 f"contact '{self.name}': frame '{self.frame}' is bolted to the world, and needs no contact"
             )
         self._placement = robot.data.oMf[self._id]
-        self._set_forces(self._given_least, self._max_force)
+        self.bear(self._given_least, self._max_force)
         self.hold()
 
     @property
@@ -312,8 +312,11 @@ class Contact(Motion):
     def update_cone(self) -> None:  # noqa: B027 (optional)
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
-    def _set_forces(self, least: float | None, most: float | None) -> None:
-        """Take the least and the greatest normal force over, N; None for the usual ones."""
+    def bear(self, least: float | None, most: float | None) -> None:
+        """Set `min_force` and `max_force` together, N, in a tick too; None for the usual ones.
+
+        Their types and signs are not checked. Raises `InputError` if the greatest does not exceed the least.
+        """
         low, high = least, self.usual.get("max_force") if most is None else most
         if low is None:  # that of a sole is less on a light robot
             low = self.usual.get("min_force", 0.0) * (1.0 if self._robot is None else self._robot.force_scale)
@@ -324,10 +327,6 @@ class Contact(Motion):
             )
         self._given_least, self._min_force, self._max_force = least, low, high
         self.revision += 1
-
-    def bear(self, least: float, most: float) -> None:
-        """Set `min_force` and `max_force` together, N; their types and signs are not checked, for code in the tick."""
-        self._set_forces(least, most)
 
     def _usual_greatest(self) -> float | None:
         """Return the greatest normal force where none is given, N; None before the robot is known."""
