@@ -33,7 +33,7 @@ FOLDERS = {
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",
 }
-_spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "architecture.py")
+_spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "pictures" / "architecture.py")
 assert _spec is not None and _spec.loader is not None
 architecture = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(architecture)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from cyclopts import App
 
 from wbc.app.cli import make_app
 from wbc.app.commands import GROUPS
@@ -38,8 +40,16 @@ def lines_of(page: Path) -> list[list[str]]:
     return found
 
 
+made_app = functools.cache(make_app)
+
+
+def app_of(words: list[str]) -> App:
+    """Return the application with the command that the words begin with."""
+    return made_app(tuple(words[: 2 if words[0] in GROUPS else 1]))
+
+
 def understood(words: list[str]) -> bool:
-    command, bound, _ = make_app(words).parse_args(words, exit_on_error=False, print_error=False)
+    command, bound, _ = app_of(words).parse_args(words, exit_on_error=False, print_error=False)
     return callable(command) and bound is not None
 
 
@@ -58,7 +68,7 @@ def test_commands_in_the_text_exist_with_their_options(page: Path) -> None:
     """In the text, values may be placeholders such as J."""
     for line in named_in_text(page):
         words = line.split()[1:]
-        app = make_app(words)
+        app = app_of(words)
         assert words[0] in app, f"{page.name}: `{line}`"
         app = app[words[0]]
         if words[0] in GROUPS and len(words) > 1 and not words[1].startswith("-"):

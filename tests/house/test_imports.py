@@ -73,12 +73,9 @@ assert (matplotlib.rcParams["backend"] == BACKEND) == (BACKEND == "svg")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("driver", "backend"),
-    [
-        ("nonsense", "Qt4Agg"),
-        pytest.param("wgl" if sys.platform != "win32" else "cgl", "svg", marks=pytest.mark.slow),
-    ],
+    ("driver", "backend"), [("nonsense", "Qt4Agg"), ("wgl" if sys.platform != "win32" else "cgl", "svg")]
 )
 def test_variables_that_do_not_fit_stop_no_simulation_and_no_file(driver: str, backend: str) -> None:
     """Shell profiles and notebooks set them for programs that draw in windows."""

@@ -34,9 +34,9 @@ def text_of(name: str) -> str:
     return " ".join((ROOT / name).read_text(encoding="utf-8").split())
 
 
-def script(name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def script(name: str, monkeypatch: pytest.MonkeyPatch, folder: str = "") -> ModuleType:
     """Return a program of the folder docs as a module."""
-    monkeypatch.syspath_prepend(ROOT / "docs")
+    monkeypatch.syspath_prepend(ROOT / "docs" / folder)
     return importlib.import_module(name)
 
 
@@ -90,15 +90,15 @@ def test_the_pattern_in_the_figure_is_that_of_a_walk(robot: str, inward: int) ->
 
 
 def test_the_picture_of_a_tick_has_the_order_of_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    picture = script("tick_picture", monkeypatch)
+    picture = script("tick_picture", monkeypatch, "pictures")
     svg = (ROOT / "docs" / "images" / "tick.svg").read_text(encoding="utf-8")
-    assert svg == picture.tick_svg(), "draw it anew: python docs/figures.py"
+    assert svg == picture.tick_svg(), "draw it anew: python docs/pictures/figures.py"
     assert picture.order(wbc.PositionControl.act, {"_follow": "b", "_hold": "a"}) == ["a", "b"]
 
 
 def test_captions_tell_the_speed_of_films() -> None:
     """Each film of the gallery, and those of the README and the first page."""
-    tree = ast.parse((ROOT / "docs" / "render_walk.py").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "docs" / "pictures" / "render_walk.py").read_text(encoding="utf-8"))
     films = next(
         node.value
         for node in tree.body
@@ -140,7 +140,7 @@ def test_the_repository_and_the_version_are_named_alike_everywhere() -> None:
 
 
 def test_the_sheet_of_examples_has_all_that_it_does_not_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    sheet = script("render_examples", monkeypatch)
+    sheet = script("render_examples", monkeypatch, "pictures")
     found = {
         str(file.relative_to(sheet.EXAMPLES).with_suffix(""))
         for folder in (sheet.EXAMPLES, sheet.EXAMPLES / "hands")

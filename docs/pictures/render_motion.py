@@ -1,8 +1,8 @@
 """Films of tracked motions; on a machine without a display set MUJOCO_GL=egl.
 
-python docs/render_motion.py                  # images/motion.webp
-python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
-python docs/render_motion.py --person         # images/person.png: a person, and g1 below
+python docs/pictures/render_motion.py                  # images/motion.webp
+python docs/pictures/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
+python docs/pictures/render_motion.py --person         # images/person.png: a person, and g1 below
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import arguments  # noqa: F401 - puts made_motions on the path
+from arguments import IMAGES  # isort: skip - puts made_motions on the path, too
 import matplotlib
 import matplotlib.pyplot as plt
 import mujoco
@@ -55,12 +55,12 @@ def main() -> None:
     """Track the motion and write the film."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clip", type=Path, help="clip to film whole, in place of the generated motion")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "motion.webp")
+    parser.add_argument("--out", type=Path, default=IMAGES / "motion.webp")
     parser.add_argument("--person", action="store_true", help="draw a person and the robot that follows")
     options = parser.parse_args()
     model = wbc.load_robot(ROBOT).robot()
     if options.person:
-        draw_person(Path(__file__).parent / "images" / "person.png")
+        draw_person(IMAGES / "person.png")
         return
     if options.clip is None:
         given, start, rate = make_motion(model, MOTION, SEED), START, RATE

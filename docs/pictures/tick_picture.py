@@ -1,4 +1,4 @@
-"""The picture of a tick: what happens in which order, read from the code; `python docs/figures.py` draws it."""
+"""The picture of a tick: the order of its steps, read from the code; `python docs/pictures/figures.py` draws it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run the notebook of the examples and store its tables and pictures in it: `python docs/render_notebook.py [FILE]`.
+"""Run the notebook of the examples: `python docs/pictures/render_notebook.py [FILE]` stores tables and pictures in it.
 
 Pages in frames are left out: they lead to a server of the run that made them.
 """
@@ -15,7 +15,7 @@ import nbformat
 from arguments import target
 from PIL import Image
 
-NOTEBOOK = Path(__file__).parent.parent / "examples" / "notebook.ipynb"
+NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
 
 
 def stored(output: Any) -> Any:

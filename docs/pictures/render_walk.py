@@ -1,4 +1,4 @@
-"""Film the walks of the gallery: `python docs/render_walk.py [NAME …]`; without a display set MUJOCO_GL=egl."""
+"""Film the walks of the gallery: `python docs/pictures/render_walk.py [NAME …]`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from arguments import IMAGES
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app import Log, Recorder, Replay
@@ -26,7 +27,7 @@ from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 MARKS = ("com", "com shadow", "zmp", "dcm", "known ground")
 """Marks that are shown."""
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 SHOWN, ARROW = 0.8, 0.5
 """Time of the film for which the arrow of a push is shown, s, and its length, m. A push itself lasts 0.1 s."""
@@ -220,4 +221,4 @@ if __name__ == "__main__":
     if unknown := {*names} - {*FILMS}:
         parser.error(f"no film '{min(unknown)}'; choose from {', '.join(FILMS)}")
     for name in names or FILMS:
-        draw(Path(__file__).parent / "images" / f"{name}.webp", FILMS[name])
+        draw(IMAGES / f"{name}.webp", FILMS[name])

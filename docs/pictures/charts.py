@@ -1,4 +1,4 @@
-"""Draw the charts of the measurements from the tables of their pages: `python docs/charts.py [FOLDER]`."""
+"""Draw the charts of the measurements from the tables of their pages: `python docs/pictures/charts.py [FOLDER]`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from wbc.app.plot.style import AMBER, BLUE, GREEN, ORANGE, PINK, SKY
 from wbc.sim.studies.intervals import share_interval
 
-DOCS = Path(__file__).parent
+DOCS = Path(__file__).parents[1]
 GREY = "0.75"
 
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-IMAGES = Path(__file__).parent / "images"
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
+IMAGES = Path(__file__).parents[1] / "images"
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "support"))
 
 
 def target(about: str | None, usual: Path = IMAGES) -> Path:

@@ -1,4 +1,4 @@
-"""Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`.
+"""Draw the pictures of feet and grounds with `python docs/pictures/render_ground.py [FOLDER]`.
 
 A few are simulations in MuJoCo, the others what `wbc terrain` and the paper's application draw. It takes
 about two minutes; on a machine without a display set MUJOCO_GL=egl.

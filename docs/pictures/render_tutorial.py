@@ -1,6 +1,6 @@
 """Draw the pictures of the tutorial by running its program; on a machine without a display set MUJOCO_GL=egl.
 
-python docs/render_tutorial.py [FOLDER]
+python docs/pictures/render_tutorial.py [FOLDER]
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ AT_THE_END = "run(2.0)\nprint(walking.fallen)\n"
 def main() -> None:
     """Run the tutorial, and draw the plant at the end of each piece."""
     folder = target(__doc__)
-    page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "tutorial.md").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     for name, program in PIECE.findall(page):
         exec(program.removesuffix(AT_THE_END), names)

@@ -1,4 +1,4 @@
-"""Draw some steps of a stepping walk with `python docs/render_stepping.py [FILE]`: `g1` over stones, seen from above.
+"""Draw steps of a stepping walk, `g1` over stones from above: `python docs/pictures/render_stepping.py [FILE]`.
 
 It takes a few seconds.
 """

@@ -1,4 +1,4 @@
-"""Draw what a walk has seen of the ground, and where its feet went: `python docs/render_seeing.py [FILE]`."""
+"""Draw what a walk has seen of the ground, and where its feet went: `python docs/pictures/render_seeing.py [FILE]`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The architecture picture: rooms as boxes on floors, arrows by imports; `python docs/figures.py` draws it.
+"""The architecture picture: rooms as boxes on floors, arrows by imports; `python docs/pictures/figures.py` draws it.
 
 Everything is read from the sources: nothing is imported, and the same sources give the same bytes.
 """

@@ -1,6 +1,6 @@
 """Draw the picture of docs/falls.md from the two runs of the program on that page.
 
-python docs/render_falls.py [FILE]
+python docs/pictures/render_falls.py [FILE]
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from wbc.app import Log
 from wbc.app.log.stances import support_box
 from wbc.app.view.marks import COM_COLOUR, DCM_COLOUR, ZMP_COLOUR
 
-PAGE = Path(__file__).with_name("falls.md")
+PAGE = Path(__file__).parents[1] / "falls.md"
 LINES = (
     ("ZMP measured", "zmp/measured", ZMP_COLOUR, 0.9),
     ("DCM estimated", "dcm/estimated", DCM_COLOUR, 2.2),

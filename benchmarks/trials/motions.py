@@ -1,6 +1,6 @@
 """Table of tracked motions, for docs/motion.md: clips made by rule, made feasible, tracked with noise.
 
-python docs/motions.py --modes position torque --journal motions.jsonl > table.md
+python benchmarks/trials/motions.py --modes position torque --journal motions.jsonl > table.md
 
 Each trial is a line of the journal; trials that are in it are not run again.
 """
@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import arguments  # noqa: F401 - puts made_motions on the path
 import numpy as np
-from made_motions import make_motion
-from made_person import make_person
 
 import wbc
 from wbc.motion import make_feasible, retarget
 from wbc.sim.balance.tracking import TrackSpec, track_motion
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests" / "support"))
+
+from made_motions import make_motion  # noqa: E402 - a module of that folder
+from made_person import make_person  # noqa: E402
 
 CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4, "person": 1}
 """Motion → number of clips, seeds from 0 on: 20 of robots, and one of a person."""

@@ -1,6 +1,6 @@
 """Take the pictures of the viewers: one instant of a walk in each of them, and a figure of its log.
 
-xvfb-run -a -s "-screen 0 1000x750x24" python docs/render_views.py [FOLDER]
+xvfb-run -a -s "-screen 0 1000x750x24" python docs/pictures/render_views.py [FOLDER]
 
 It needs Chromium, the extras workbench and rerun, and a screen, for which Xvfb does.
 """

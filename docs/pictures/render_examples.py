@@ -1,4 +1,4 @@
-"""Draw the sheet of all examples: `python docs/render_examples.py [FILE]`; without a display set MUJOCO_GL=egl.
+"""Draw the sheet of all examples with `python docs/pictures/render_examples.py [FILE]`.
 
 Each of the examples of `INSTANTS` is run as it is, and drawn at one instant.
 """
@@ -23,7 +23,7 @@ from wbc.app.view.stage import SimulatedStage
 from wbc.sim import Plant
 from wbc.sim.trial.trial import TrialHook, TrialTick
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 INSTANTS = {
     "stand": (1.0, 150.0, "--robot talos"),

@@ -1,4 +1,4 @@
-"""Draw the figures of the documentation that are computed and not simulated: `python docs/figures.py [FOLDER]`."""
+"""Draw the figures that are computed and not simulated: `python docs/pictures/figures.py [FOLDER]`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def draw_pattern(path: Path) -> None:
     size = (sole.length, sole.width)
     plan = walk_distance(FootstepPlan.standing(robot), 0.58)
     supports = schedule(plan)
-    planner = LipmWalk(robot, plan, float(robot.com[2]), 0.005)._preview  # as a walk makes it
+    planner = LipmWalk(robot, plan, float(robot.com[2]), 0.005).course.preview  # as a walk makes it
     pattern = planner.plan(supports, Pendulum.at_rest(robot.com))
     times = np.arange(0.0, pattern.times[-1] + 0.5, 0.005)
     states = [pattern.at(float(t)) for t in times]
@@ -74,7 +74,7 @@ def draw_pattern(path: Path) -> None:
     axes["a"].tick_params(labelbottom=False)
     axes["b"].set_xlabel("time (s)")
     draw_from_above(axes["c"], plan, size, {COM: com, DCM: dcm, ZMP: zmp})
-    figure.savefig(path)
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
 
@@ -113,7 +113,7 @@ def draw_roughness(path: Path) -> None:
         axis.margins(x=0.0)
     axes[0].legend(loc="upper right", ncols=2, frameon=False, fontsize=9)
     axes[1].set_xlabel("along the way (m)")
-    figure.savefig(path)
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
 
@@ -148,7 +148,7 @@ def draw_kinematics(path: Path) -> None:
     axis.set_ylabel("up (m)")
     axis.legend(frameon=False)
     print(f"hand within {1e3 * float(np.linalg.norm(hand.error)):.1f} mm")
-    figure.savefig(path)
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
 
@@ -194,13 +194,13 @@ def draw_law(path: Path) -> None:
         axis.set_xlabel("outwards (m)")
         axis.set_xlim(0.34, -0.08)
     axes[0].set_ylabel("ahead (m)")
-    figure.savefig(path)
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
 
 
 def draw_architecture(path: Path) -> None:
     """Rooms of the library, and who imports whom."""
-    path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
+    path.write_text(architecture_svg(Path(__file__).resolve().parents[2]), encoding="utf-8")
 
 
 def draw_tick(path: Path) -> None:
