@@ -14,7 +14,7 @@ import pytest
 
 from wbc.app import cli
 from wbc.app.commands import COMMANDS, stand
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.robots import names
 from wbc.robots.registry import others
 
@@ -95,10 +95,10 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
 
 def test_whatever_is_printed_meanwhile_goes_to_stderr(capfd: Captured) -> None:
     @reports
-    def noisy(*, output: Output) -> Report:
+    def noisy() -> Report:
         print("from Python")
         os.write(1, b"from C\n")
-        return output.report({"nan": float("nan"), "path": Path("a"), "pair": (1, 2.0)}, "done")
+        return Report({"nan": float("nan"), "path": Path("a"), "pair": (1, 2.0)}, "done")
 
     noisy(json=True)
     out, err = capfd.readouterr()

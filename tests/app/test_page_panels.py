@@ -21,7 +21,7 @@ from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import Mark, Picture, Scale
-from wbc.app.view.viser_page import PLOT_TIME, BalancePlot, ViserPanel, ViserScene, paint
+from wbc.app.view.viser_page import ViserPanel, ViserScene, paint
 from wbc.app.view.workbench import Gizmo, SettingsFolder, add_drive, program_text
 
 HRP4 = wbc.load_robot("hrp4_class")
@@ -254,7 +254,6 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
     scene.add_frame = scene.add_grid = scene.add_mesh_simple = node
     server.atomic = nullcontext
     page: Any = SimpleNamespace(server=server, keys=[key])
-    monkeypatch.setattr(viser_page, "BalancePlot", lambda gui: MagicMock())
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="plane" size="1 1 0.1" rgba="0.25 0.5 0.75 1"/>
         <body name="box" pos="0 0 1"><freejoint/><geom type="box" size="0.1 0.2 0.3" rgba="1 0.5 0 1"/></body>
@@ -299,36 +298,16 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_drawn_where_bodies_and_ma
 
 def test_texts_are_brought_up_to_date_with_their_period_or_now(monkeypatch: pytest.MonkeyPatch) -> None:
     hours = Clock(monkeypatch, viser_page)
-    page, plots, said = ViserPanel.__new__(ViserPanel), [], ["a"]
+    page, said = ViserPanel.__new__(ViserPanel), ["a"]
     handle = SimpleNamespace(content="")
     page._spoken, page._texts = -math.inf, [(handle, lambda: said[0])]
-    page._plot = SimpleNamespace(show=lambda: plots.append(1))  # type: ignore[assignment]
     assert page.speak() and handle.content == "a"
     said[0] = "b"
     hours.now += 0.9 * viser_page.TEXT_PERIOD
     assert not page.speak() and handle.content == "a"
     assert page.speak(now=True) and handle.content == "b"
     hours.now += 1.1 * viser_page.TEXT_PERIOD
-    assert page.speak() and len(plots) == 3
-
-
-def test_plots_keep_ten_seconds_and_have_a_range_around_their_values() -> None:
-    pytest.importorskip("viser")
-    made: list[Any] = []
-
-    def add(data: Any, series: Any, **how: Any) -> Any:
-        made.append(SimpleNamespace(data=data, series=series, **how))
-        return made[-1]
-
-    plot = BalancePlot(SimpleNamespace(add_folder=lambda *_, **__: nullcontext(), add_uplot=add))
-    assert len(made) == 2 and len(made[0].series) == 5 == len(made[0].data)
-    assert made[0].scales["y"]["range"] == pytest.approx((-0.01, 0.01))
-    for now in np.arange(0.0, 15.5, 0.5):
-        plot.add(Picture(now, points={"DCM": np.array([now, -2.0 * now])}))
-    plot.show()
-    assert made[0].data[0][0] == pytest.approx(15.0 - PLOT_TIME) and made[0].data[0][-1] == 15.0
-    assert made[0].scales["y"]["range"] == pytest.approx((5.0 - 0.01, 15.01))
-    assert made[1].scales["y"]["range"] == pytest.approx((-30.01, -10.0 + 0.01))
+    assert page.speak()
 
 
 def test_a_program_is_told_with_its_last_states() -> None:

@@ -21,7 +21,7 @@ from wbc.app.commands import foot as foot_command
 from wbc.app.commands import stand as stand_command
 from wbc.app.commands.settings import settings_of
 from wbc.app.live import LiveDrive, LiveView, ProgressLine, ending, shown_progress, with_changes
-from wbc.app.output import Output, Report, facts_text, reports
+from wbc.app.output import Report, facts_text, reports
 from wbc.app.walk_report import walk_text
 from wbc.base.errors import InputError, WbcError
 from wbc.feet import foot as foot_by_name
@@ -179,8 +179,8 @@ def test_facts_are_a_name_and_a_value_a_line() -> None:
 
 def test_a_report_is_printed_before_the_failure_of_a_part(capsys: Said) -> None:
     @reports
-    def lossy(*, output: Output) -> Report:
-        return output.report({"a": 1}, "a is 1", WbcError("lost"))
+    def lossy() -> Report:
+        return Report({"a": 1}, "a is 1", WbcError("lost"))
 
     with pytest.raises(WbcError, match="lost"):
         lossy()
@@ -193,8 +193,8 @@ def test_more_is_logged_when_asked_for(words: Any, level: int, monkeypatch: pyte
     monkeypatch.setattr(logging, "basicConfig", lambda level, handlers: set_to.append(level))
 
     @reports
-    def quiet(*, output: Output) -> Report:
-        return output.report({}, "")
+    def quiet() -> Report:
+        return Report({}, "")
 
     quiet(**words)
     assert set_to == [level]

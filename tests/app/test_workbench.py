@@ -8,7 +8,6 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from contextlib import nullcontext
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +22,6 @@ import wbc
 from wbc.app.view.base import PortError
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
-from wbc.app.view.viser_page import BalancePlot
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
@@ -67,29 +65,6 @@ def test_a_run_is_the_same_with_and_without_a_workbench() -> None:
         assert run(plant, control, 40, view.update) == alone
         assert view.frames > 40 and view.controls.interventions == []
         assert any(" s</b>" in handle.content for handle, _ in view._panel._texts), "the time is told"
-
-
-def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
-    sent: list[tuple[Any, Any]] = []
-    shown = [SimpleNamespace(data=None, scales=None) for _ in "xy"]
-
-    def add_uplot(data: Any, series: Any, **how: Any) -> Any:
-        sent.append((data, series))
-        return shown[len(sent) - 1]
-
-    plot = BalancePlot(SimpleNamespace(add_folder=lambda *_, **__: nullcontext(), add_uplot=add_uplot))
-    for now in (0.0, 1.0, 2.0, 12.5, 3.0, 3.0):  # the run goes back, and is paused
-        points = {"DCM": np.array([now, -now, 0.1])}
-        points |= {"ZMP planned": np.array([2.0, 4.0, 0.1])} if now == 3.0 else {}
-        plot.add(Picture(now, points=points))
-    plot.show()
-    times, dcm, planned_dcm, zmp, planned_zmp = shown[0].data
-    assert len(sent[0][1]) == len(shown[0].data)
-    assert times.tolist() == [3.0] and dcm.tolist() == [3.0]  # 12.5 s has pushed out what was 10 s before
-    assert np.isnan([planned_dcm, zmp]).all() and planned_zmp.tolist() == [2.0]
-    assert shown[1].data[1].tolist() == [-3.0] and shown[1].data[4].tolist() == [4.0]
-    low, high = shown[1].scales["y"]["range"]
-    assert low < -3.0 and high > 4.0
 
 
 class Shown(HTMLParser):

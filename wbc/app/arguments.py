@@ -109,11 +109,15 @@ class Fields:
         )
 
 
-def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command of which each parameter that is settings, or `Fields` of a spec, is as many options."""
-    hints = typing.get_type_hints(command, include_extras=True)
+def with_options(command: Callable[..., None], **more: type) -> Callable[..., None]:
+    """Return a command of which each parameter that is settings, or `Fields` of a spec, is as many options.
+
+    More parameters that are settings are given by name.
+    """
+    hints = typing.get_type_hints(command, include_extras=True) | more
+    added = {name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY) for name in more}
     parameters, groups = [], {}
-    for name, parameter in inspect.signature(command).parameters.items():
+    for name, parameter in {**inspect.signature(command).parameters, **added}.items():
         chosen = next((mark for mark in _marks(hints[name]) if isinstance(mark, Fields)), None)
         if chosen is None and is_dataclass(hints[name]):
             chosen = Fields(hints[name])

@@ -10,8 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any, ParamSpec
+from typing import Any, NamedTuple
 
 from pydantic_core import to_jsonable_python
 from rich.console import Console
@@ -20,12 +19,10 @@ from wbc.app.arguments import with_options
 from wbc.base.errors import WbcError, printable
 from wbc.base.settings import settings
 
-P = ParamSpec("P")
-
 
 @settings(kw_only=True)
 class Output:
-    """Options of the output.
+    """Options of the output of every command.
 
     Attributes:
         json: Print one JSON object instead of a text.
@@ -35,31 +32,19 @@ class Output:
     json: bool = False
     verbose: bool = False
 
-    def report(self, data: Mapping[str, Any], text: str, failure: WbcError | None = None) -> Report:
-        """Make the report of a command that has ended: plain values, text, failure of a part such as a recording."""
-        return Report(dict(data), text, self.json, failure)
 
-
-@dataclass(frozen=True)
-class Report:
-    """Report of a command: JSON data and its text.
+class Report(NamedTuple):
+    """Report of a command that has ended.
 
     Attributes:
         data: Result as plain values.
         text: Result as text.
-        as_json: Print the data instead of the text.
-        failure: Raised after the result has been printed.
+        failure: Failure of a part, such as a recording, which is raised after the result has been printed.
     """
 
-    data: dict[str, Any] = field(default_factory=dict)
-    text: str = ""
-    as_json: bool = False
+    data: Mapping[str, Any]
+    text: str
     failure: WbcError | None = None
-
-    def __str__(self) -> str:
-        if not self.as_json:
-            return printable(self.text)
-        return json.dumps(to_jsonable_python(self.data, inf_nan_mode="null"))  # NaN and infinity as null
 
 
 def facts_text(facts: Mapping[str, Any], group: str = "") -> str:
@@ -75,25 +60,26 @@ def facts_text(facts: Mapping[str, Any], group: str = "") -> str:
     return "\n".join(lines)
 
 
-def reports(function: Callable[P, Report]) -> Callable[P, None]:
-    """Make a command of a function that returns a report; see `with_options`."""
+def reports(function: Callable[..., Report]) -> Callable[..., None]:
+    """Make a command of a function that returns a report: it has the options of `Output`, too; see `with_options`."""
 
     @functools.wraps(function)
-    def run(*args: P.args, **kwargs: P.kwargs) -> None:
-        output = kwargs.get("output")
-        verbose = isinstance(output, Output) and output.verbose
+    def run(*args: Any, output: Output, **values: Any) -> None:
         handler = logging.StreamHandler()
         handler.setFormatter(_Lines("%(levelname)s %(name)s: %(message)s"))
-        logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler])
+        logging.basicConfig(level=logging.INFO if output.verbose else logging.WARNING, handlers=[handler])
         logging.captureWarnings(True)
         warnings.formatwarning = _message_alone
         with stdout_on_stderr():
-            report = function(*args, **kwargs)
-        print(report)
+            report = function(*args, **values)
+        if output.json:  # NaN and infinity as null
+            print(json.dumps(to_jsonable_python(report.data, inf_nan_mode="null")))
+        else:
+            print(printable(report.text))
         if report.failure is not None:
             raise report.failure
 
-    return with_options(run)
+    return with_options(run, output=Output)
 
 
 class _Lines(logging.Formatter):

@@ -2,8 +2,8 @@
 
 Words such as the name of a study are parameters of the function. A parameter that is settings becomes an option for
 each of its fields; defaults, ranges, choices and help come from there. Chosen fields of a spec become options by an
-annotation `wbc.app.arguments.Fields`. The function also takes `output: Output`, is decorated with
-`wbc.app.output.reports` and returns `output.report(…)`.
+annotation `wbc.app.arguments.Fields`. The function is decorated with `wbc.app.output.reports`, which adds the options
+of the output, and returns a `Report`.
 """
 
 import re

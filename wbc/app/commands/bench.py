@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from wbc.app.bench import BenchTickOptions, bench_tick
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 
 
 @reports
-def tick(options: BenchTickOptions, *, output: Output) -> Report:
+def tick(options: BenchTickOptions) -> Report:
     """Time a tick of the controller: two soles, a swaying centre of mass, posture, joint and torque limits."""
     facts = bench_tick(options)
     parts = ", ".join(f"{name} {value:.1f}" for name, value in facts["parts"].items())
@@ -18,4 +18,4 @@ def tick(options: BenchTickOptions, *, output: Output) -> Report:
         f"  centre of mass within {facts['com_error_mm']:.2f} mm, torques up to {100 * facts['torque_use']:.0f} % of "
         f"their limits, {facts['active_limits']:g} limits active, {facts['preempted']} times interrupted"
     )
-    return output.report(facts, text)
+    return Report(facts, text)

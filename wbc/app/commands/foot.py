@@ -12,7 +12,7 @@ from pydantic import Field
 from wbc.app.arguments import Fields
 from wbc.app.commands.settings import settings_of
 from wbc.app.commands.terrain import ground_of
-from wbc.app.output import Output, Report, facts_text, reports
+from wbc.app.output import Report, facts_text, reports
 from wbc.base.errors import InputError
 from wbc.base.registry import first_line
 from wbc.base.settings import (
@@ -96,7 +96,6 @@ def foot(
     options: FootOptions,
     given: Annotated[Mapping[str, Any], SHARED],
     ground: Annotated[Mapping[str, Any], GROUND],
-    output: Output,
 ) -> Report:
     """List the feet, or press one on a ground, on a rig.
 
@@ -104,14 +103,14 @@ def foot(
     sole.
     """
     if test is None:
-        return _list(options.robot, output)
+        return _list(options.robot)
     made = options.test(given, ground)
     data = {**made.describe(), **to_json(press(made))}
     shown = {name: value for name, value in data.items() if name != "foot_parameters"}
-    return output.report(data, facts_text(shown))
+    return Report(data, facts_text(shown))
 
 
-def _list(robot: str | None, output: Output) -> Report:
+def _list(robot: str | None) -> Report:
     """Report how the feet fit every robot, what mass and height they add, and their parameters."""
     soles = {name: _sole(name) for name in (names() if robot is None else [robot])}
     listed = []
@@ -125,7 +124,7 @@ def _list(robot: str | None, output: Output) -> Report:
                 fits[each] = {"error": str(error)}
         about = first_line(type(design))
         listed.append({"name": name, "summary": about, "fits": fits, "parameters": parameters(design)})
-    return output.report({"feet": listed}, "\n".join(_lines(listed)))
+    return Report({"feet": listed}, "\n".join(_lines(listed)))
 
 
 def _sole(robot: str) -> AnkleSole:

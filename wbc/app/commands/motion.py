@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.live import LiveView, with_changes
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
 from wbc.base.settings import NonNegative, Positive, settings
@@ -92,7 +92,6 @@ def motion(
     spec: TrackSpec,
     options: ClipOptions,
     live: LiveView,
-    output: Output,
 ) -> Report:
     """Check, filter or track a clip of joint positions, or of a person.
 
@@ -101,15 +100,15 @@ def motion(
     is filtered first. The clip of a person is retargeted to the robot first.
     """
     if do == "filter":
-        return _filter(clip, spec.robot, options, output)
+        return _filter(clip, spec.robot, options)
     if options.out is not None:
         raise InputError(f"--out is no option of 'motion {do}'")
     if do == "check":
-        return _check(clip, spec.robot, options, output)
-    return _track(clip, spec, options, live, output)
+        return _check(clip, spec.robot, options)
+    return _track(clip, spec, options, live)
 
 
-def _check(file: Path, name: str, options: ClipOptions, output: Output) -> Report:
+def _check(file: Path, name: str, options: ClipOptions) -> Report:
     robot, clip = options.read(file, name)
     measures = check_motion(robot, clip)
     verdict = (
@@ -121,10 +120,10 @@ def _check(file: Path, name: str, options: ClipOptions, output: Output) -> Repor
         f"{clip.name} on {name}: {clip.duration:.2f} s at {clip.rate:g} Hz, {verdict}",
         *_table(measures),
     ]
-    return output.report({"motion": clip.name, "robot": name} | measures.to_json(), "\n".join(lines))
+    return Report({"motion": clip.name, "robot": name} | measures.to_json(), "\n".join(lines))
 
 
-def _filter(file: Path, name: str, options: ClipOptions, output: Output) -> Report:
+def _filter(file: Path, name: str, options: ClipOptions) -> Report:
     target = options.target(file)
     robot, given = options.read(file, name)
     result = make_feasible(robot, given)
@@ -140,10 +139,10 @@ def _filter(file: Path, name: str, options: ClipOptions, output: Output) -> Repo
         "stretched": result.stretched,
         "unfinished": list(result.unfinished),
     }
-    return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
+    return Report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
 
 
-def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, output: Output) -> Report:
+def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView) -> Report:
     robot, given = options.read(file, spec.robot)
     clip, lines = given, []
     data: dict[str, Any] = {"motion": given.name}
@@ -167,7 +166,7 @@ def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, ou
         f"at most; {result.landings} landings",
         f"  {result.clock}; {result.failures} failed",
     ]
-    return output.report(*with_changes(hooks, trial, data | result.to_json(), "\n".join(lines)))
+    return Report(*with_changes(hooks, trial, data | result.to_json(), "\n".join(lines)))
 
 
 ROWS = (

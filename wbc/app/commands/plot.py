@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from wbc.app.files import PICTURES
 from wbc.app.log.reader import Log
 from wbc.app.log.writer import MAGIC
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
 from wbc.base.settings import settings
@@ -38,7 +38,6 @@ class PlotOptions:
 def plot(
     *words: Annotated[str, Parameter(help="Logs, then what to draw.", show_default=False)],
     options: PlotOptions,
-    output: Output,
 ) -> Report:
     """Draw figures from one log, or compare several: balance, plan, stiffness, any signals.
 
@@ -50,7 +49,7 @@ def plot(
     logs = [Log.open(path) for path in paths]
     notes = [f"{log.path} ends early ({log.broken}); {len(log)} ticks are read" for log in logs if log.broken]
     if options.list:
-        return _listing(logs, notes, output)
+        return _listing(logs, notes)
 
     from wbc.app.plot.figures import FIGURES, draw, missing  # noqa: PLC0415 - slow to import
     from wbc.app.plot.output import save  # noqa: PLC0415
@@ -76,7 +75,7 @@ def plot(
     }
     for note in notes:
         logger.warning("%s", note)
-    return output.report(facts, "\n".join(str(path) for path in written))
+    return Report(facts, "\n".join(str(path) for path in written))
 
 
 def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
@@ -100,7 +99,7 @@ def _is_log(word: str) -> bool:
         return False
 
 
-def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
+def _listing(logs: Sequence[Log], notes: list[str]) -> Report:
     signals = {name: signal for log in logs for name, signal in log.signals.items()}
     width = max(len(name) for name in signals)
     lines = [f"{log!r}" for log in logs] + notes
@@ -121,4 +120,4 @@ def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
             for name, signal in signals.items()
         ],
     }
-    return output.report(facts, "\n".join(lines))
+    return Report(facts, "\n".join(lines))

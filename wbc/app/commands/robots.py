@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, existing
 from wbc.base.numbers import finite_scalar
@@ -79,7 +79,6 @@ def robots(
         str, Parameter(help="A robot to describe; or check and a file. All in a table when left out.")
     ],
     options: RobotFileOptions,
-    output: Output,
 ) -> Report:
     """List the robots, describe one, or check the file of one of your own.
 
@@ -90,20 +89,18 @@ def robots(
     if verb == "check":
         if len(rest) != 1:
             raise InputError(f"'wbc robots check' takes one file, got {len(rest)}")
-        return _check(rest[0], options, output)
+        return _check(rest[0], options)
     if rest or options != RobotFileOptions():
         raise InputError("files and their options need a check: wbc robots check my.xml")
     if verb:
         description = load(verb)
-        return output.report(description.summary(), description.report())
+        return Report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
     lines = [_table(facts), *(f"{other:<18}no feet, from a file or from a package" for other in others())]
-    return output.report(
-        {"robots": [_brief(each) for each in facts], "others": list(others())}, "\n".join(lines)
-    )
+    return Report({"robots": [_brief(each) for each in facts], "others": list(others())}, "\n".join(lines))
 
 
-def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
+def _check(file: str, options: RobotFileOptions) -> Report:
     """Report what is in the file of a robot, what was derived and what is doubtful."""
     path, parameters = existing(file, "robot", "an MJCF or a URDF"), options.parameters()
     target = None
@@ -122,7 +119,7 @@ def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
     if target is not None:
         files.write(target, path, parameters)
         lines.append(f"wrote {target}; try: wbc stand --robot {target}")
-    return output.report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
+    return Report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
 
 
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:

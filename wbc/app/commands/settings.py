@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from cyclopts import Parameter
 
 from wbc.app.arguments import attribute_docs
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import InputError
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.walks.settings import DERIVED, WalkTrialSettings
@@ -31,8 +31,6 @@ class SettingRow(NamedTuple):
 def settings(
     part: Annotated[str, Parameter(help="Part of the names that are listed; all when left out.")] = "",
     /,
-    *,
-    output: Output,
 ) -> Report:
     """List the settings of a walk, which `wbc walk --set NAME=VALUE` changes."""
     trees = ((WalkTrialSettings, "", None), (Gait, "gait", Gait().full), (Machine, "machine", None))
@@ -40,7 +38,7 @@ def settings(
     if not found:
         raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")
     facts = {each.name: {"default": each.default, "about": each.about} for each in found}
-    return output.report(
+    return Report(
         {"settings": facts}, "\n".join(f"{each.name} = {each.default}\n    {each.about}" for each in found)
     )
 

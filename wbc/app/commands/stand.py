@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from wbc.app.live import LiveView, with_changes
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import WbcError
 from wbc.sim.balance.standing import StandSpec, StandTrial
 
 
 @reports
-def stand(options: StandSpec, *, live: LiveView, output: Output) -> Report:
+def stand(options: StandSpec, *, live: LiveView) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     result, trial, hooks = live.run(
         lambda: StandTrial(options, visuals=live.view is not None),
@@ -30,4 +30,4 @@ def stand(options: StandSpec, *, live: LiveView, output: Output) -> Report:
         f"  {result.clock}; {result.failures} failed"
     )
     data, text = with_changes(hooks, trial, result.to_json(), text)
-    return output.report(data, text, failed)
+    return Report(data, text, failed)

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc.app.arguments import Fields
 from wbc.app.files import PICTURES
-from wbc.app.output import Output, Report, facts_text, reports
+from wbc.app.output import Report, facts_text, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
 from wbc.base.registry import first_line
@@ -59,12 +59,11 @@ def terrain(
     *,
     given: Annotated[Mapping[str, Any], TRACK],
     options: TerrainOptions,
-    output: Output,
 ) -> Report:
     """Describe or draw a ground, or list the families of grounds and the scenes with their parameters."""
     if name is not None:
         facts = describe_terrain(name, options, given)
-        return output.report(facts, facts_text(facts))
+        return Report(facts, facts_text(facts))
     of_one = [
         *given,
         *(name for name in ("param", "clearance") if getattr(options, name) != getattr(TerrainOptions, name)),
@@ -82,7 +81,7 @@ def terrain(
     lines.append("Scenes:")
     for each in facts["scenes"]:
         lines += [f"{each['name']:<8} {each['summary']}", *_rows(each)]
-    return output.report(facts, "\n".join(lines))
+    return Report(facts, "\n".join(lines))
 
 
 def describe_terrain(name: str, options: TerrainOptions, given: Mapping[str, Any]) -> dict[str, Any]:

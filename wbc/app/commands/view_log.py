@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from rich.progress import track
 
 from wbc.app.log.reader import Log
-from wbc.app.output import Output, Report, progress_console, reports
+from wbc.app.output import Report, progress_console, reports
 from wbc.app.view.base import Port
 from wbc.base.errors import InputError
 from wbc.base.registry import run_code
@@ -60,7 +60,6 @@ def view(
     /,
     *,
     options: ViewOptions,
-    output: Output,
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a film, for Rerun or for Foxglove."""
     from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415, I001 - slow
@@ -91,14 +90,14 @@ def view(
         with suppress(KeyboardInterrupt):
             player.run()
         player.close()
-        return output.report(facts | {"url": player.url}, "replay ended")
+        return Report(facts | {"url": player.url}, "replay ended")
     bar = partial(track, description=out.name, console=progress_console(), transient=True)
     if out.suffix.lower() != ".mp4":
         reason = convert_log(opened, out, rate=options.rate, progress=bar)
         note = f"; no pictures: {reason}" if reason else ""
-        return output.report(facts | {"without_scene": reason}, f"{out}: {len(opened)} ticks{note}")
+        return Report(facts | {"without_scene": reason}, f"{out}: {len(opened)} ticks{note}")
     replay = Replay(opened)
     pictures = render_video(
         replay, out, rate=options.rate, speed=options.speed, size=options.size, progress=bar
     )
-    return output.report(facts | {"pictures": pictures}, f"{out}: {pictures} pictures")
+    return Report(facts | {"pictures": pictures}, f"{out}: {pictures} pictures")

@@ -17,7 +17,7 @@ from wbc.app.files import read_object
 from wbc.app.live import LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.base.errors import InputError, WbcError, shown
@@ -90,9 +90,7 @@ class WalkOptions:
 
 
 @reports
-def walk(
-    given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, live: LiveDrive, output: Output
-) -> Report:
+def walk(given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, live: LiveDrive) -> Report:
     """Walk in the simulator, by default 3 m over stones, and report how far the robot came and how the walk ended."""
     if options.repeat is not None and (
         given or options != WalkOptions(repeat=options.repeat, record=options.record, code=options.code)
@@ -122,7 +120,7 @@ def walk(
         failure = None if run.loss is None else str(run.loss)
         data |= {"record": str(options.record), "record_failure": failure}
     compared, words = run.comparison()
-    return output.report(data | compared, text + words, run.loss)
+    return Report(data | compared, text + words, run.loss)
 
 
 class _Run:

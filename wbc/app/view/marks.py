@@ -113,7 +113,6 @@ class Picture:
         text: Lines of text.
         target: Point that the camera follows, shape (3,).
         colours: Colours of bodies that differ from the model's.
-        points: Balance points that are known, shape (2,) or (3,): "ZMP", "DCM", "ZMP planned", "DCM planned".
     """
 
     time: float
@@ -121,7 +120,6 @@ class Picture:
     text: list[str] = field(default_factory=list)
     target: Array = field(default_factory=lambda: np.zeros(3))
     colours: dict[int, Colour] = field(default_factory=dict)
-    points: dict[str, Array] = field(default_factory=dict)
 
     @property
     def lines(self) -> list[str]:
@@ -144,10 +142,8 @@ class Picture:
             Mark("com shadow", "ball", shadow, COM_COLOUR, 0.6 * size, "centre of mass and its shadow"),
         ]
         if zmp is not None and np.isfinite(zmp).all():
-            self.points["ZMP"] = zmp
             self.marks.append(Mark("zmp", "ball", zmp[None], ZMP_COLOUR, size, "ZMP"))
         if dcm is not None and np.isfinite(dcm).all():
-            self.points["DCM"] = dcm
             place = np.array([[*dcm[:2], level + LIFT]])
             self.marks.append(Mark("dcm", "ball", place, DCM_COLOUR, size, "DCM"))
         if support is not None and len(corners := convex_hull(support[:, :2])) > 2:
@@ -159,7 +155,6 @@ class Picture:
         for name, point in planned.items():
             if np.isfinite(point).all():
                 self.marks.append(ring(name, PLANNED[name], point, scale))
-                self.points[f"{name} planned"] = point
 
     def add_soles(self, soles: Sequence[Sequence[int]], stiffness: Sequence[float]) -> None:
         """Add the colours of soles, the bodies of each, by their stiffness, Nm/rad; NaN where it is not known."""

@@ -6,7 +6,6 @@ import contextlib
 import io
 import math
 import time as clock
-from collections import deque
 from collections.abc import Callable, Iterable
 from html import escape
 from typing import Any
@@ -14,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
-from wbc.app.view.marks import DCM_COLOUR, ZMP_COLOUR, Mark, Picture, css, mark_mesh
+from wbc.app.view.marks import Mark, Picture, css, mark_mesh
 from wbc.app.view.page_guard import PageGuard
 from wbc.app.view.scene import EYE, LOOK_AT, DrawnScene
 from wbc.app.view.stage import Stage
-from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
 
 ROOT = "/wbc"
@@ -26,12 +24,6 @@ ROOT = "/wbc"
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 """Choices of the speed, multiples of real time."""
-
-PLOTTED = {"DCM": DCM_COLOUR, "DCM planned": DCM_COLOUR, "ZMP": ZMP_COLOUR, "ZMP planned": ZMP_COLOUR}
-"""Points of a picture that are plotted over time; those as planned with dashes."""
-
-PLOT_TIME = 10.0
-"""Time that the plots show, s."""
 
 
 class ViserPage:
@@ -135,7 +127,7 @@ class ViserScene(DrawnScene):
 
 
 class ViserPanel:
-    """Content of a page: the scene of a stage, and a panel with time and text, camera, plots and legend.
+    """Content of a page: the scene of a stage, and a panel with time and text, camera and legend.
 
     Attributes:
         scene: The scene.
@@ -155,7 +147,6 @@ class ViserPanel:
         self.text(lambda: self._said)
         self.checkbox("camera follows", True, self.scene.follow)
         self.checkbox("see through the robot", False, self.scene.see_through)
-        self._plot = BalancePlot(self.gui)
         with self.gui.add_folder("meaning of the colours", expand_by_default=False):
             self.text(lambda: legend_html(self.scene.meanings))
 
@@ -163,7 +154,6 @@ class ViserPanel:
         """Show a picture; the texts follow by `speak`."""
         with self._page.server.atomic():
             self.scene.draw(picture)
-        self._plot.add(picture)
         self._said = text_html(*picture.lines)
 
     def text(self, text: Callable[[], str]) -> None:
@@ -188,58 +178,7 @@ class ViserPanel:
         for place, text in self._texts:
             if place.content != (new := text()):
                 place.content = new
-        self._plot.show()
         return True
-
-
-class BalancePlot:
-    """Plots of DCM and ZMP, measured and planned, along x and y of the world over the last ten seconds."""
-
-    def __init__(self, gui: Any) -> None:
-        """Make the plots in a folder of the panel."""
-        from viser import uplot  # noqa: PLC0415 - an extra
-
-        lines = [uplot.Series(label="time (s)")]
-        for name, colour in PLOTTED.items():
-            how = {"width": 1.0, "dash": (6, 4)} if "planned" in name else {"width": 2.0}
-            lines.append(uplot.Series(label=name, stroke=css(colour), **how))
-        self._scale = uplot.Scale
-        self._rows: deque[tuple[float, Array]] = deque()
-        with gui.add_folder("DCM and ZMP over time", expand_by_default=False):
-            self._plots = [
-                gui.add_uplot(
-                    self._data(axis), tuple(lines), title=f"{name} (m)", scales=self._scales(axis), aspect=1.4
-                )
-                for axis, name in enumerate("xy")
-            ]
-
-    def add(self, picture: Picture) -> None:
-        """Take over the points of a picture; they replace those of its time and, after a step back, of later ones."""
-        while self._rows and picture.time <= self._rows[-1][0]:
-            self._rows.pop()
-        unknown = np.full(2, math.nan)
-        row = np.array([picture.points.get(name, unknown)[:2] for name in PLOTTED])
-        self._rows.append((picture.time, row))
-        while self._rows[0][0] < picture.time - PLOT_TIME:
-            self._rows.popleft()
-
-    def show(self) -> None:
-        """Bring the plots up to date."""
-        for axis, plot in enumerate(self._plots):
-            plot.data, plot.scales = self._data(axis), self._scales(axis)
-
-    def _data(self, axis: int) -> tuple[Array, ...]:
-        """Return times and the values of each line along an axis."""
-        times = np.array([time for time, _ in self._rows])
-        values = np.array([row[:, axis] for _, row in self._rows]).reshape(len(times), len(PLOTTED))
-        return (times, *values.T)
-
-    def _scales(self, axis: int) -> dict[str, Any]:
-        """Return the range of values along an axis: uPlot finds none where a line has gaps."""
-        values = np.array([0.0]) if not self._rows else np.array([row[:, axis] for _, row in self._rows])
-        known = values[np.isfinite(values)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-        return {"x": self._scale(time=False), "y": self._scale(range=(low - 0.01, high + 0.01))}
 
 
 def when(event: Callable[[Any], object], call: Callable[[Any], object]) -> None:

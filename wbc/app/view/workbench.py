@@ -1,7 +1,6 @@
 """Workbench: a live view whose page changes the run: drive, push, gains, tasks, targets, pause, restart.
 
-It needs viser (`pip install -e ".[workbench]"`). The panel plots DCM and ZMP over time; the log has all other values
-(`wbc plot`, Rerun).
+It needs viser (`pip install -e ".[workbench]"`).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import Progress, TextColumn
 
 from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
-from wbc.app.output import Output, Report, facts_text, progress_console, reports
+from wbc.app.output import Report, facts_text, progress_console, reports
 from wbc.base.errors import InputError, one_line, unknown_name
 from wbc.base.files import check_target, write_text
 from wbc.base.registry import allow_code, code_of
@@ -79,16 +79,14 @@ class RunOptions:
 
 
 @reports
-def run(
-    study: StudyFile | None = None, /, *, options: RunOptions, part: PartOptions, output: Output
-) -> Report:
+def run(study: StudyFile | None = None, /, *, options: RunOptions, part: PartOptions) -> Report:
     """Run the trials of a study that its journal does not have; it can be stopped, and continues from there.
 
     With --key, run one trial of the journal again, in this process, and compare: for trials that diverged, crashed or
     took too long, whose commands are printed.
     """
     if options.key is not None:
-        return _rerun(options, options.key, output)
+        return _rerun(options, options.key)
     if study is None or options.out is not None:
         raise InputError("give a study to run, or the --key of a trial of the journal (and -o for its spec)")
     chosen = part.part(study)
@@ -121,10 +119,10 @@ def run(
         lines.append(f"{one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}")
     if len(failed) > PRINTED:
         lines.append(f"and {len(failed) - PRINTED} more, which --json names")
-    return output.report(data, "\n  ".join(lines))
+    return Report(data, "\n  ".join(lines))
 
 
-def _rerun(options: RunOptions, key: str, output: Output) -> Report:
+def _rerun(options: RunOptions, key: str) -> Report:
     """Run one trial of a journal again, and report whether it ends as there."""
     target = None
     if options.out is not None:
@@ -159,7 +157,7 @@ def _rerun(options: RunOptions, key: str, output: Output) -> Report:
     if other:
         lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
     lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
-    return output.report(facts, "\n".join([*lines, facts_text(outcome.result or {})]))
+    return Report(facts, "\n".join([*lines, facts_text(outcome.result or {})]))
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:

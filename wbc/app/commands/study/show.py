@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from wbc.app.files import PICTURES, read_object
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Report, reports
 from wbc.base.errors import InputError, one_line, printable
 from wbc.base.files import check_target, replacing, write_text
 from wbc.base.registry import allow_code
@@ -105,7 +105,6 @@ def show(
     /,
     *,
     part: ShownPartOptions,
-    output: Output,
 ) -> Report:
     """Print a study, or a part of it, as JSON, or list the studies of a folder."""
     if study.is_dir():
@@ -114,16 +113,16 @@ def show(
         lines = [
             f"{one_line(each.name):<22} {each.size:>5} trials  {one_line(each.about)}" for each in studies
         ]
-        return output.report({"studies": facts}, "\n".join(lines))
+        return Report({"studies": facts}, "\n".join(lines))
     chosen = part.part(study)
     for _ in chosen.trials():
         pass  # what cannot be run is refused, as `run` refuses it
     data = chosen.to_json()
-    return output.report(data, json.dumps(data, indent=2))
+    return Report(data, json.dumps(data, indent=2))
 
 
 @reports
-def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, output: Output) -> Report:
+def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions) -> Report:
     """Make a table of a study from its journal, or a spreadsheet."""
     target = options.out
     if target is not None:
@@ -135,18 +134,16 @@ def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, out
             heads = [_cell(chosen.titled(name)) for name in frame.columns]
             frame.map(_cell).to_csv(new, index=False, header=heads)
         facts = {"table": str(target), "rows": len(frame), "columns": list(frame.columns), **unused}
-        return output.report(
-            facts, f"{len(frame)} rows with {len(frame.columns)} columns written to {target}"
-        )
+        return Report(facts, f"{len(frame)} rows with {len(frame.columns)} columns written to {target}")
     made = options.table(chosen, entries)
     data, text = made.to_json() | unused, made.markdown()
     if target is not None:
         write_text(target, json.dumps(data, indent=1) + "\n")
-    return output.report(data, text)
+    return Report(data, text)
 
 
 @reports
-def plot(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, output: Output) -> Report:
+def plot(study: StudyFile, /, *, options: ResultOptions, part: PartOptions) -> Report:
     """Draw a study from its journal: means of every arm in every cell, with their intervals."""
     from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.study import draw_study  # noqa: PLC0415
@@ -159,7 +156,7 @@ def plot(study: StudyFile, /, *, options: ResultOptions, part: PartOptions, outp
     )
     chosen, entries, unused = _results(study, options, part)
     save({chosen.name: draw_study(options.table(chosen, entries))}, target)
-    return output.report({"picture": str(target), **unused}, str(target))
+    return Report({"picture": str(target), **unused}, str(target))
 
 
 def _cell(value: Any) -> Any:
