@@ -30,7 +30,6 @@ from .core.limits.obstacles import CollisionBox as CollisionBox
 from .core.limits.obstacles import CollisionCapsule as CollisionCapsule
 from .core.limits.obstacles import CollisionCylinder as CollisionCylinder
 from .core.limits.obstacles import CollisionHalfSpace as CollisionHalfSpace
-from .core.limits.obstacles import CollisionHeights as CollisionHeights
 from .core.limits.obstacles import CollisionHull as CollisionHull
 from .core.limits.obstacles import CollisionSphere as CollisionSphere
 from .core.limits.obstacles import Obstacle as Obstacle

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -16,10 +15,7 @@ from properties import examples
 import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.limits.obstacles import geometry_of
 from wbc.core.robot import Robot
-from wbc.ground import HeightMap
-from wbc.ground.height_map import HeightMapSettings
 from wbc.tasks import check_rows
 
 BALL = wbc.CollisionSphere(0.06)
@@ -222,10 +218,10 @@ def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
     rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
     pairs, measured, left_out, needed, of_pair = len(limit._scene.names), 0, 0, 0, limit._scene.distance
 
-    def counted(row: int, data: pin.GeometryData, within: float) -> float:
+    def counted(row: int, data: pin.GeometryData) -> float:
         nonlocal measured
         measured += 1
-        return of_pair(row, data, within)
+        return of_pair(row, data)
 
     def distances() -> Array:
         return np.array(limit._measured(limit._data))
@@ -356,21 +352,11 @@ def test_a_hand_in_torque_control_rests_at_a_wall(name: str, hand: wbc.Shape, wa
     assert jump < 1e-2 and np.abs(v).max() < 0.05
 
 
-def flat_map(height: float) -> HeightMap:
-    ground = HeightMap(HeightMapSettings(cell=0.05), (0.3, -0.2, 0.4))
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-0.9, 1.3, 0.02), np.arange(-0.9, 0.9, 0.02)))
-    ground.add(np.stack([x, y, np.full(x.size, height)], axis=1), np.full(x.size, 1e-3), 0.0)
-    return ground
-
-
-@pytest.mark.parametrize("kind", ["table", "map"])
-def test_a_box_that_is_pressed_at_a_flat_face_keeps_the_margin_and_rests(kind: str) -> None:
+def test_a_box_that_is_pressed_at_a_flat_face_keeps_the_margin_and_rests() -> None:
     ik, top = arm(), 0.425
-    table: wbc.Shape = wbc.CollisionBox((0.6, 0.6, 2.0 * top))
-    table = table if kind == "table" else wbc.CollisionHeights(flat_map(top))
-    place = pin.SE3(np.eye(3), np.array([0.55, 0.3, 0.0])) if kind == "table" else pin.SE3.Identity()
     box = {"panda_hand": wbc.CollisionBox((0.2, 0.06, 0.1))}
-    obstacle = wbc.Obstacle("table", table, place)
+    place = pin.SE3(np.eye(3), np.array([0.55, 0.3, 0.0]))
+    obstacle = wbc.Obstacle("table", wbc.CollisionBox((0.6, 0.6, 2.0 * top)), place)
     limit = ik.add(
         wbc.CollisionLimit(obstacles=[obstacle], against=["panda_hand"], shapes=box, margin=MARGIN)
     )
@@ -381,102 +367,6 @@ def test_a_box_that_is_pressed_at_a_flat_face_keeps_the_margin_and_rests(kind: s
         least = min(least, limit.distances["panda_hand", "table"])
     assert least > MARGIN - 1e-3
     assert speed < 0.02
-
-
-def hills(seed: int, origin: tuple[float, float, float] = (0.3, -0.2, 0.4)) -> HeightMap:
-    """Return a map of steps and slopes about the reach of an arm, with a hole of which nothing is known."""
-    ground, rng = HeightMap(HeightMapSettings(cell=0.05), origin), np.random.default_rng(seed)
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-0.9, 1.1, 0.02), np.arange(-0.9, 0.9, 0.02)))
-    steps = 0.15 * rng.uniform(size=400)[(np.floor(5 * x) + 10 * np.floor(5 * y)).astype(int) % 400]
-    points = np.stack([x, y, steps + 0.1 * x], axis=1)[np.hypot(x - 0.5, y) > 0.15]
-    ground.add(points, np.full(len(points), 1e-3), 0.0)
-    return ground
-
-
-def nearest_column(ground: HeightMap, shape: object, place: pin.SE3) -> float:
-    """Return the distance to the nearest of all columns, m."""
-    body, local = geometry_of(shape)  # type: ignore[arg-type]
-    place = place * local
-    cell, best = ground.settings.cell, np.inf
-    column, turn = coal.Box(cell, cell, 1.0), pin.utils.rotate("z", ground.origin[2])
-    for x, y, z in ground.known()[0]:
-        result = coal.DistanceResult()
-        coal.distance(
-            body,
-            coal.Transform3s(place.rotation, place.translation),
-            column,
-            coal.Transform3s(turn, np.array([x, y, z - 0.5])),
-            coal.DistanceRequest(),
-            result,
-        )
-        best = min(best, result.min_distance)
-    return best
-
-
-@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "box", "hull"])
-def test_the_distance_to_a_height_map_is_that_of_the_nearest_of_all_its_columns(kind: str) -> None:
-    """Anywhere above it, over the hole, beside it; where the shape is in the ground, the way out is up."""
-    ground, robot, rng = hills(1), panda().robot(), np.random.default_rng(2)
-    shape, link = SHAPES[kind], "panda_hand"
-    limit = wbc.CollisionLimit(
-        obstacles=[wbc.Obstacle("ground", wbc.CollisionHeights(ground))],
-        against=[link],
-        shapes={link: shape},
-        influence=0.3,
-    )
-    limit.bind(robot)
-    seen, sunk = 0, 0
-    for _ in range(12):
-        q = rng.uniform(robot.position_lower, robot.position_upper)
-        robot.update_jacobians(q)
-        there = robot.placement(link)
-        middle = float(ground.known()[0][:, 2].mean())
-        ground.shift(float(there.translation[2]) + rng.uniform(-0.4, 0.1) - middle)
-        rows, _ = velocity_rows(limit, robot)
-        found = limit.distances[link, "ground"]
-        wanted = nearest_column(ground, shape, there)
-        if wanted < 0.0:
-            sunk += 1
-            assert found < 0.0
-        elif wanted < 0.3:
-            seen += 1
-            assert found == pytest.approx(wanted, abs=1e-5)
-        else:
-            assert found == np.inf and not rows.any()
-    assert seen >= 2
-    if kind == "sphere":
-        centre = np.array([0.05, -0.35, 0.0])
-        height = float(ground.at(np.array([centre[0] + 1j * centre[1]]))[0][0])
-        limit._scene.geometry.geometryObjects[0].placement = pin.SE3.Identity()
-        for depth in (0.02, 0.09):
-            robot_in = limit._data
-            robot_in.oMg[0] = pin.SE3(np.eye(3), np.array([centre[0], centre[1], height + 0.1 - depth]))
-            result = limit._scene.grounds[0].nearest(limit._scene.geometry, robot_in, 0, 0.3)  # type: ignore[union-attr]
-            assert result.min_distance <= -depth + 1e-6 and result.normal[2] < -0.99
-
-
-def test_a_hand_stays_above_a_map_that_rises_while_it_moves() -> None:
-    """The hand goes down to a point in the ground, and stops at the margin above what is known at that tick."""
-    ground, ik = hills(3), arm()
-    ball = wbc.CollisionSphere(0.05)
-    limit = ik.add(
-        wbc.CollisionLimit(
-            obstacles=[wbc.Obstacle("ground", wbc.CollisionHeights(ground))],
-            against=["panda_hand"],
-            shapes={"panda_hand": ball},
-            margin=0.02,
-        )
-    )
-    hand = ik.add(wbc.PositionTask("panda_hand", [0.45, -0.3, -0.2]))
-    for step in range(150):
-        if step == 100:
-            ground.shift(0.03)
-        ik.step()
-    ik.robot.update_jacobians(ik.robot.q)
-    velocity_rows(limit, ik.robot)
-    wanted = nearest_column(ground, ball, ik.robot.placement("panda_hand"))
-    assert wanted == pytest.approx(limit.distances["panda_hand", "ground"], abs=1e-5)
-    assert 0.015 < wanted < 0.025 and not hand.reached
 
 
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
@@ -498,15 +388,6 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "half-space of a link": (
         lambda: wbc.CollisionLimit("all", shapes={"panda_hand": wbc.CollisionHalfSpace()}),
         "shapes of 'panda_hand'",
-    ),
-    "no map": (lambda: wbc.CollisionHeights(np.zeros((3, 3))), "heights must be a map"),  # type: ignore[arg-type]
-    "map of a link": (
-        lambda: wbc.CollisionLimit("all", shapes={"panda_hand": wbc.CollisionHeights(HeightMap())}),
-        "shapes of 'panda_hand'",
-    ),
-    "map elsewhere": (
-        lambda: wbc.Obstacle("x", wbc.CollisionHeights(HeightMap()), pin.SE3.Random()),
-        "lies in the world",
     ),
     "twice": (
         lambda: wbc.CollisionLimit(obstacles=[wbc.Obstacle("x", BALL)] * 2),

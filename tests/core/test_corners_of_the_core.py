@@ -7,7 +7,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -20,7 +19,6 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.limits.base import Limit
-from wbc.core.limits.columns import _points_inside
 from wbc.core.qp.move import DirectionCoordinates
 from wbc.core.qp.released import RESPONSE
 from wbc.core.robot import GRAVITY
@@ -260,20 +258,6 @@ def test_a_polygon_needs_room_for_its_margin_where_its_widest_circle_is(place: t
     np.testing.assert_allclose(np.sort(limit.polygon, axis=0), np.sort(corners, axis=0))
     with pytest.raises(InputError, match="leaves nothing inside its margin"):
         wbc.CoMPolygonLimit(corners, margin=1.001 * radius)
-
-
-@pytest.mark.parametrize(("half", "spacing"), [(0.2, 0.05), (0.2, 0.07), (0.01, 0.5)])
-def test_a_capsule_over_a_map_is_a_row_of_balls_no_further_apart_than_a_spacing(
-    half: float, spacing: float
-) -> None:
-    points, reach = _points_inside(coal.Capsule(0.03, 2.0 * half), spacing)
-    assert (points[:, :2] == 0.0).all() and points[0, 2] == -half and points[-1, 2] == half
-    steps = np.diff(points[:, 2])
-    assert np.ptp(steps) < 1e-12 and steps[0] <= spacing + 1e-12
-    assert len(points) == 2 or 2.0 * half / (len(points) - 2) > spacing - 1e-9, "no more than are needed"
-    assert reach == pytest.approx(0.03 + 0.5 * steps[0])
-    (centre,), reach = _points_inside(coal.Sphere(0.1), spacing)
-    assert not np.any(centre) and reach == 0.1
 
 
 # ---- times ----------------------------------------------------------------------------------------------------------

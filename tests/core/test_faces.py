@@ -86,7 +86,7 @@ def test_a_ball_at_what_has_no_flat_side_has_no_corners(
         for name, shape in zip("ab", shapes, strict=True):
             geometry.addGeometryObject(pin.GeometryObject(name, 0, pin.SE3.Identity(), shape))
         geometry.addCollisionPair(pin.CollisionPair(0, 1))
-        assert Facing(geometry, geometry.createData(), [None]).has_corners == [have]
+        assert Facing(geometry, geometry.createData()).has_corners == [have]
 
 
 def edges(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

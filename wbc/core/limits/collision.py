@@ -18,9 +18,8 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import BACK, OPTIONS, Barrier, Order, demands
 from wbc.core.limits.facing import CORNERS, Corner, Facing
-from wbc.core.limits.obstacles import ENDLESS, Obstacle, Shape
-from wbc.core.limits.pairs import srdf_pairs
-from wbc.core.limits.scene import Scene
+from wbc.core.limits.obstacles import CollisionHalfSpace, Obstacle, Shape
+from wbc.core.limits.pairs import Scene, srdf_pairs
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
 
@@ -194,7 +193,7 @@ class CollisionLimit(Barrier):
             for frame, given in (shapes or {}).items()
         }
         for frame, given in self._shapes.items():
-            if not given or any(isinstance(each, ENDLESS) for each in given):
+            if not given or any(isinstance(each, CollisionHalfSpace) for each in given):
                 raise InputError(
                     f"shapes of '{frame}' must be one or more that have an end, such as spheres, got {shown(given)}"
                 )
@@ -208,11 +207,10 @@ class CollisionLimit(Barrier):
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
         self._robot = robot  # first, so that it refuses copies of the limit
-        self._scene = scene = Scene(robot, self.name, self._shapes, self.obstacles, self._against)
-        scene.pair(self.pairs, self._margin)
+        self._scene = scene = Scene(
+            robot, self.name, self._shapes, self.obstacles, self._against, self.pairs, self._margin
+        )
         self._n_pairs = len(scene.names)
-        # Grounds are measured at every tick.
-        self._changing = np.flatnonzero([ground is not None for ground in scene.grounds])
         self._probe = (
             scene.geometry.createData()
         )  # of who reads distances: a tick begins where the last one ended
@@ -247,7 +245,7 @@ class CollisionLimit(Barrier):
         self._data = data = geometry.createData()
         for request in data.distanceRequests:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
-        self._facing = Facing(geometry, data, self._scene.grounds)
+        self._facing = Facing(geometry, data)
         self._separation = Separation(geometry, data, np.array(self._facing.has_corners))
         self._spread = self._separation.spread.tolist()
         distances = np.array(self._measured(data))
@@ -268,7 +266,7 @@ class CollisionLimit(Barrier):
         """Place all shapes in some data, and return the distances of all pairs there, m."""
         scene = self._scene
         scene.place(data)
-        return [scene.distance(row, data, self._influence) for row in range(self._n_pairs)]
+        return [scene.distance(row, data) for row in range(self._n_pairs)]
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill rows and rooms of all pairs within the influence; see `Barrier.measure`."""
@@ -357,7 +355,7 @@ class CollisionLimit(Barrier):
         if not asked.size:
             return NOTHING
         data, distance_of = self._data, self._scene.distance
-        distances = [distance_of(row, data, window.within) for row in asked.tolist()]
+        distances = [distance_of(row, data) for row in asked.tolist()]
         self._separation.measured(asked, np.array(distances))
         results, has_corners, margin = data.distanceResults, self._facing.has_corners, self._margin
         moving = itertools.repeat(AT_REST) if twists is None else twists.take(asked, axis=1).T.tolist()
@@ -388,8 +386,6 @@ class CollisionLimit(Barrier):
     def _asked(self, window: Window, twists: Array | None) -> tuple[NDArray[np.intp], Iterable[float]]:
         """Return the pairs to measure, by bounds on their distances, and the distance up to which each counts, m."""
         bounds, counts = self._separation.distances(), window.within
-        if self._changing.size:
-            bounds[self._changing] = -np.inf
         if twists is None or not window.ahead:
             return (bounds <= counts).nonzero()[0], itertools.repeat(counts)
         each = self._separation.speeds(twists)

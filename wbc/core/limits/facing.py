@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.core.limits.columns import Columns
 from wbc.core.limits.separation import following, round_radius
 
 KEPT = 2
@@ -75,21 +74,13 @@ class Facing:
         has_corners: Whether each pair has corners.
     """
 
-    def __init__(
-        self, geometry: pin.GeometryModel, data: pin.GeometryData, grounds: Sequence[Columns | None]
-    ) -> None:
-        """Find out of each shape how its faces are found.
-
-        Args:
-            geometry: Shapes and pairs.
-            data: Their placements.
-            grounds: Columns that are in the place of the second shape of a pair, for each pair.
-        """
-        self._grounds, self._data = grounds, data
+    def __init__(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
+        """Find out of each shape of a geometry, with its placements in the data, how its faces are found."""
+        self._data = data
         self._places = following([place.rotation for place in data.oMg], 12)  # by column, and origins
         #: Earlier nearest points of both shapes of each pair, in the frames of the shapes.
-        self._kept: list[tuple[list[Array], list[Array]]] = [([], []) for _ in grounds]
-        self._found: list[_Faces | None] = [None for _ in grounds]
+        self._kept: list[tuple[list[Array], list[Array]]] = [([], []) for _ in geometry.collisionPairs]
+        self._found: list[_Faces | None] = [None for _ in geometry.collisionPairs]
         self._shapes = shapes = [item.geometry for item in geometry.geometryObjects]
         self._faces = [_face_of(shape) for shape in shapes]
         self._radii = [round_radius(shape) for shape in shapes]
@@ -97,11 +88,8 @@ class Facing:
         self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
         flat = [isinstance(shape, coal.Box | coal.ConvexBase) for shape in shapes]
         balls = [isinstance(shape, coal.Sphere) for shape in shapes]
-        # Of a ball at a ground, or at what has no flat side, the nearest point is all that counts.
-        self.has_corners = [
-            not (balls[i] or balls[k]) or (ground is None and (flat[i] or flat[k]))
-            for (i, k), ground in zip(self._pairs, grounds, strict=True)
-        ]
+        # Of a ball at what has no flat side the nearest point is all that counts.
+        self.has_corners = [not (balls[i] or balls[k]) or flat[i] or flat[k] for i, k in self._pairs]
         halves = [float(shape.halfLength) if isinstance(shape, coal.Capsule) else 0.0 for shape in shapes]
         self._halves, self._capsules = halves, [halves[i] > 0.0 and halves[k] > 0.0 for i, k in self._pairs]
         self._diameters = [2.0 * min(shapes[i].aabb_radius, shapes[k].aabb_radius) for i, k in self._pairs]
@@ -125,7 +113,7 @@ class Facing:
             found += self._ends(sides[1][0], (other, one), -1.0, within)
         else:
             found = self._of_faces(pair, nearest, within)
-        if touching and self._grounds[pair] is None:
+        if touching:
             for points, ((item, target), side) in zip(self._earlier(pair, nearest), sides, strict=True):
                 found += self._corners(
                     [point.tolist() for point in points], item, side, self._nearest(points, target), within
@@ -164,12 +152,8 @@ class Facing:
         _, _, points, others = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
         height, slack = float(normal.dot(nearest[7:])), within - distance
-        points, ground = points.dot(one.rotation.T) + one.translation, self._grounds[pair]
+        points = points.dot(one.rotation.T) + one.translation
         points = points[points.dot(normal) >= height - self._radii[first] - slack]
-        if ground is not None:
-            gaps, towards = ground.below(points, within + self._radii[first])
-            below = zip(gaps.tolist(), towards.tolist(), strict=True)
-            return self._corners(points.tolist(), first, 1.0, below, within)
         found = self._corners(points.tolist(), first, 1.0, self._nearest(points, second), within)
         if len(others):
             others = others.dot(other.rotation.T) + other.translation
@@ -182,12 +166,10 @@ class Facing:
         first, second = self._pairs[pair]
         one, other = self._data.oMg[first].rotation, self._data.oMg[second].rotation
         along = normal.dot(one)
-        points, others = self._faces[first](one, along), _NO_POINTS
-        if self._grounds[pair] is None:
-            others = self._faces[second](other, -normal.dot(other))
-            if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
-                crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
-                points = np.concatenate((points, crossings)) if crossings else points
+        points, others = self._faces[first](one, along), self._faces[second](other, -normal.dot(other))
+        if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
+            crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
+            points = np.concatenate((points, crossings)) if crossings else points
         apart = float(np.linalg.norm(place.translation))
         return place, SLID * min(1.0, self._diameters[pair] / max(apart, SAME)), points, others
 

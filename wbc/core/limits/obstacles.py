@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import coal
@@ -121,44 +121,13 @@ class CollisionHalfSpace:
             raise InputError(f"normal of a half-space must not be zero, got {self.normal}")
 
 
-class CollisionHeights:
-    """Ground of a height map: below each known cell a column with its height; for obstacles.
-
-    The map may change at any tick. Cells of unknown height collide with nothing.
-
-    Attributes:
-        heights: The map, such as a `wbc.ground.HeightMap`.
-    """
-
-    def __init__(self, heights: Any) -> None:
-        """Take a map."""
-        if not all(hasattr(heights, name) for name in ("at", "origin", "settings")):
-            raise InputError(f"heights must be a map such as a wbc.ground.HeightMap, got {shown(heights)}")
-        self.heights = heights
-
-    def __repr__(self) -> str:
-        return f"CollisionHeights({type(self.heights).__name__})"
-
-
 Shape = (
-    CollisionSphere
-    | CollisionCapsule
-    | CollisionCylinder
-    | CollisionBox
-    | CollisionHull
-    | CollisionHalfSpace
-    | CollisionHeights
+    CollisionSphere | CollisionCapsule | CollisionCylinder | CollisionBox | CollisionHull | CollisionHalfSpace
 )
 """Shapes in a frame of the robot, or of an obstacle."""
 
 RoundShape = CollisionSphere | CollisionCapsule
 """Shapes that are all points within a radius of a point or a segment."""
-
-ENDLESS = (CollisionHalfSpace, CollisionHeights)
-"""Shapes of obstacles alone."""
-
-DEPTH = 1.0
-"""Length of the column below a cell of a height map, m."""
 
 
 class Obstacle:
@@ -194,10 +163,6 @@ class Obstacle:
             raise InputError(
                 f"placement of obstacle '{self.name}' must lie within ±{FARTHEST:g} m, got {shown(value.translation)}"
             )
-        if isinstance(self.shape, CollisionHeights) and not value.isApprox(pin.SE3.Identity(), 0.0):
-            raise InputError(
-                f"obstacle '{self.name}' is a height map, which lies in the world: it has no placement"
-            )
         self._placement = placed
 
     @property
@@ -220,13 +185,13 @@ class Obstacle:
 
 @dataclass(slots=True)
 class PlacedObstacle:
-    """Obstacle among the shapes of a limit: its number there, its placement at present, and its pairs."""
+    """Obstacle among the shapes of a limit: its number there, its pairs, and its placement at present."""
 
     obstacle: Obstacle
     index: int
     local: pin.SE3
+    pairs: slice
     seen: pin.SE3 | None = None
-    pairs: slice = field(default_factory=lambda: slice(0))
 
     def twist(self) -> Array:
         """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
@@ -249,9 +214,6 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     if isinstance(shape, CollisionBox):
         place = pin.SE3(pin.exp3(np.array(shape.turn)), np.array(shape.centre, dtype=float))
         return coal.Box(*shape.size), place
-    if isinstance(shape, CollisionHeights):
-        cell = float(shape.heights.settings.cell)
-        return coal.Box(cell, cell, DEPTH), pin.SE3.Identity()
     if isinstance(shape, CollisionHull):
         points = np.array(shape.points, dtype=float)
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))

@@ -1,4 +1,4 @@
-"""Pairs of links for limits on collisions."""
+"""Shapes of links and of obstacles in one geometry, and the pairs of them that a limit on collisions keeps apart."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +14,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
+from wbc.core.limits.obstacles import Obstacle, PlacedObstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
 POSTURES = 1000
@@ -147,3 +148,123 @@ def random_joints(robot: Robot, random: np.random.Generator, room: float = 0.0) 
         np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
     )
     return np.asarray(low + random.uniform(room, 1.0 - room, robot.na) * (high - low))
+
+
+class Scene:
+    """Shapes of a robot's links and of obstacles, and pairs of them.
+
+    Attributes:
+        geometry: All shapes, and the pairs.
+        names: Names of both links of each pair, or of a link and an obstacle.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        limit: str,
+        shapes: Mapping[str, tuple[Shape, ...]],
+        obstacles: Sequence[Obstacle],
+        against: Sequence[str] | None,
+        pairs: Sequence[tuple[str, str]] | Literal["all"],
+        margin: float,
+    ) -> None:
+        """Add the shapes, and their pairs.
+
+        Args:
+            robot: The robot.
+            limit: Name of the limit, for messages.
+            shapes: Link or frame → its shapes.
+            obstacles: Obstacles of the world.
+            against: Links that keep away from the obstacles; see `CollisionLimit`.
+            pairs: Pairs of links; "all" are those that can touch.
+            margin: Distance that the pairs of links keep, m.
+        """
+        self._robot, self._limit, self._shapes = robot, limit, shapes
+        given = () if pairs == "all" else pairs
+        named = [frame for pair in given for frame in pair]
+        for frame in (*shapes, *(against or ()), *named):
+            robot.frame_id(frame)
+        near = self._links_near_obstacles(against) if obstacles else []
+        self.geometry = pin.GeometryModel()
+        objects = self._add_shapes((*named, *(shapes if pairs == "all" else ()), *near))
+
+        def between(names: tuple[str, str]) -> list[tuple[tuple[str, str], int, int]]:
+            return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
+
+        found = [pair for names in given for pair in between(names)]
+        check_separable(robot, self.geometry, found, margin, limit)
+        if pairs == "all":
+            touching = pairs_that_touch(robot, self.geometry, objects, margin)
+            found += [pair for names in touching for pair in between(names)]
+        self._obstacles: list[PlacedObstacle] = []
+        for obstacle in obstacles:
+            body, local = geometry_of(obstacle.shape)
+            item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
+            index, first = self.geometry.addGeometryObject(item), len(found)
+            found += [((link, obstacle.name), i, index) for link in near for i in objects[link]]
+            self._obstacles.append(PlacedObstacle(obstacle, index, local, slice(first, len(found))))
+        if not found:
+            raise InputError(f"limit '{limit}' has no pair that can touch: give the pairs")
+        self.names = [names for names, _, _ in found]
+        for _, i, k in found:
+            self.geometry.addCollisionPair(pin.CollisionPair(i, k))
+        for item in self.geometry.geometryObjects:
+            item.geometry.computeLocalAABB()
+
+    def _links_near_obstacles(self, against: Sequence[str] | None) -> list[str]:
+        """Return the links that keep away from the obstacles."""
+        if against is not None:
+            return list(against)
+        robot, model = self._robot, self._robot.model
+        root = 1 if robot.floating else 0
+        stands = {model.frames[robot.frame_id(sole.frame)].parentJoint for sole in robot.soles}
+        joints = {f: model.frames[robot.frame_id(f)].parentJoint for f in self._shapes}
+        return [f for f, joint in joints.items() if joint not in stands and (robot.soles or joint > root)]
+
+    def _add_shapes(self, frames: Iterable[str]) -> dict[str, list[int]]:
+        """Add the shapes of frames to the geometry; return their numbers, by frame."""
+        robot, objects = self._robot, dict[str, list[int]]()
+        for frame in dict.fromkeys(frames):
+            if frame not in self._shapes:
+                raise InputError(
+                    f"limit '{self._limit}' has no shape for '{frame}': give it in `shapes`, where "
+                    "`RobotDescription.collision_hulls()` has those of all links (it has it for: "
+                    f"{', '.join(sorted(self._shapes)) or 'none'})"
+                )
+            index = robot.frame_id(frame)
+            parent = robot.model.frames[index]
+            objects[frame] = []
+            for number, (body, local) in enumerate(map(geometry_of, self._shapes[frame])):
+                place = parent.placement * local
+                item = pin.GeometryObject(f"{frame} {number}", parent.parentJoint, index, place, body)
+                objects[frame].append(self.geometry.addGeometryObject(item))
+        return objects
+
+    def refuse_inside(self, distances: Sequence[float]) -> None:
+        """Refuse an obstacle inside a link, by the distances of all pairs, m."""
+        for each in self._obstacles:
+            for (link, what), distance in zip(self.names[each.pairs], distances[each.pairs], strict=True):
+                if distance <= 0.0:
+                    raise InputError(
+                        f"obstacle '{what}' of limit '{self._limit}' is {-distance:.3f} m inside '{link}': move it, "
+                        "or give the links that keep away in `against`"
+                    )
+
+    def place(self, data: pin.GeometryData) -> None:
+        """Place all shapes in some data, and the obstacles that have moved among them."""
+        for each in self._obstacles:
+            each.follow(self.geometry)
+        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self.geometry, data)
+
+    def distance(self, row: int, data: pin.GeometryData) -> float:
+        """Return the distance of a pair of shapes, m."""
+        return float(pin.computeDistance(self.geometry, data, row).min_distance)
+
+    def twists(self) -> Array | None:
+        """Return the velocities of obstacles at the origin of the world, shape (6, pairs); None where none moves."""
+        twists = None
+        for each in self._obstacles:
+            if each.obstacle.moving:
+                twists = np.zeros((6, len(self.names))) if twists is None else twists
+                twists[:, each.pairs] = each.twist()[:, None]
+        return twists
