@@ -39,7 +39,7 @@ class Seen(TrialHook):
     def tick(self, tick: Any) -> None:
         """Keep the landing of the foot in the air, and the map when it has landed."""
         walk = self.walk
-        if walk.swing is not None:
+        if walk.phases.swing is not None:
             self.chosen = walk.phases.landing
         if walk.steps_done > self.done:
             side = 0 if self.chosen.side == "left" else 1
