@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -12,13 +12,6 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 
 Impedance = Annotated[float, Field(ge=0.0001, le=0.9999)]
-
-
-class SolverParameters(NamedTuple):
-    """Values of MuJoCo's `solref` and `solimp` attributes."""
-
-    solref: tuple[float, float]
-    solimp: tuple[float, float, float, float, float]
 
 
 @settings
@@ -43,6 +36,16 @@ class ConstraintLaw:
     impedance: tuple[Impedance, Impedance] = (0.9, 0.95)
     width: Annotated[Positive, "m"] = 0.001
 
+    @property
+    def solref(self) -> tuple[float, float]:
+        """MuJoCo's `solref`: t and ζ."""
+        return self.time_constant, self.damping_ratio
+
+    @property
+    def solimp(self) -> tuple[float, float, float, float, float]:
+        """MuJoCo's `solimp`: d_0, d_max, width, ½ and 2."""
+        return *self.impedance, self.width, 0.5, 2.0
+
 
 LOOP_CLOSURE = ConstraintLaw(0.002, impedance=(0.9, 0.95))
 """Frontal arch to sole: t = 2 ms, d from 0.9 to 0.95 (paper, section II-B)."""
@@ -55,11 +58,6 @@ simulation will have used 2 ms. With `discrete` the printed value would act as 1
 then chatters by more than 1 N in a third of the cases on random ground, and the simulation takes 2.5 times as long.
 With 2 ms it chatters in 1 case of 14, and the soles sink by less than 0.05 mm (5 grounds x 3 stiffnesses).
 """
-
-
-def solver_parameters(law: ConstraintLaw) -> SolverParameters:
-    """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2)."""
-    return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
 
 
 @settings

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import pinocchio as pin
+
 from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
@@ -26,11 +28,11 @@ class FlatFoot(Foot):
     @checked
     def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
-        return FootFit(sole, box_inertia(0.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
+        return FootFit(sole, pin.Inertia.Zero())
 
     def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model; see `Foot.build`."""
-        from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
+        from wbc.feet.soles.build_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 
         return build_rigid(spec, ankle_body, side, self.fit(sole), self.contact, plate=None)
 
@@ -68,13 +70,11 @@ class RigidFoot(Foot):
         )
         size = self.length, self.width, self.thickness
         plate = box_inertia(self.mass, size, (0.0, 0.0, self.thickness / 2.0))
-        return FootFit(
-            fitted, fitted.placement.act(plate), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
-        )
+        return FootFit(fitted, fitted.placement.act(plate))
 
     def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model; see `Foot.build`."""
-        from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
+        from wbc.feet.soles.build_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 
         return build_rigid(
             spec, ankle_body, side, self.fit(sole), self.contact, plate=(self.mass, self.thickness)

@@ -98,8 +98,6 @@ class FootFit:
         sole: Rectangle that replaces the robot's own sole, for the contacts of a controller.
         added_inertia: Inertia that the foot in its rest shape adds to the ankle link, along the axes and at the origin
             of this link. The controller's model may include it, or leave it out as in the paper.
-        mass: Mass added to the robot by this foot, kg.
-        height_change: Height of the ankle over the ground minus its height with the robot's own sole, m.
         toe_sensors: Positions of the downward range sensors at the toe in the sole frame, m. When None, there are three
             over the front edge: at both corners and in the middle. (The single sensor of the paper is
             `FootParts.range_site`.)
@@ -107,8 +105,6 @@ class FootFit:
 
     sole: AnkleSole
     added_inertia: pin.Inertia = field(compare=False)
-    mass: float
-    height_change: float
     toe_sensors: tuple[tuple[float, float, float], ...] | None = None
 
     def __post_init__(self) -> None:
@@ -119,12 +115,9 @@ class FootFit:
 
 def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
     """Return the inertia of a uniform box, kg, with full extents `size`, shape (3,), m, in the frame of its centre."""
-    x, y, z = finite_array("box size (m)", size, (3,))
-    return pin.Inertia(
-        mass,
-        finite_array("box centre (m)", centre, (3,)),
-        mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y]),
-    )
+    x, y, z = np.asarray(size, dtype=np.float64)
+    spread = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+    return pin.Inertia(mass, np.asarray(centre, dtype=np.float64), spread)
 
 
 def bar_inertia(
@@ -134,8 +127,7 @@ def bar_inertia(
 
     Its section is a rectangle: `width` is the extent along y, `thickness` that across it in the x–z plane, m.
     """
-    a = finite_array("bar start (m)", start, (3,))
-    b = finite_array("bar end (m)", end, (3,))
+    a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     along = b - a
     pitch = np.arctan2(-along[2], along[0])
     placement = pin.SE3(Rotation.from_euler("y", pitch).as_matrix(), (a + b) / 2.0)

@@ -68,7 +68,7 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
     soles, inertias = [], dict(description.foot_inertia)
     for sole, geometry in zip(description.soles, ankle_soles(robot), strict=True):
         fit = foot.fit(geometry)
-        if mass and fit.mass > 0.0:
+        if mass and fit.added_inertia.mass > 0.0:
             own = tuple(fit.added_inertia.toDynamicParameters().tolist())
             has = inertias.setdefault(sole.name, own)
             if not np.allclose(has, own, rtol=0.0, atol=ROUNDING):

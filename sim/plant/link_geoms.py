@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
-from wbc.feet.soles.common_mjcf import VISUAL_GROUP
+from wbc.feet.soles.build_mjcf import VISUAL_GROUP
 from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link

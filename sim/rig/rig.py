@@ -15,9 +15,9 @@ from pydantic import Field
 from wbc.base.errors import InputError, ModelError
 from wbc.base.numbers import Array
 from wbc.base.settings import Angle, NonNegative, Number, Positive, settings, to_json
-from wbc.feet import Foot, FootFit, foot
+from wbc.feet import Foot, foot
+from wbc.feet.soles.build_mjcf import quaternion_wxyz
 from wbc.feet.soles.catalog import foot_name
-from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.mujoco_robot import BAD_STATE, divergence
@@ -99,7 +99,7 @@ class FootTest:
         return {
             "foot": foot_name(self.foot),
             "foot_parameters": to_json(self.foot),
-            **fit_facts(self.foot.fit(self.robot_sole)),
+            **fit_facts(self.foot, self.robot_sole),
             "terrain": self.ground.name,
             "amplitude_m": self.ground.amplitude,
             "seed": self.ground.seed,
@@ -114,13 +114,14 @@ class FootTest:
         }
 
 
-def fit_facts(fit: FootFit) -> dict[str, Any]:
-    """Return footprint, ankle, added mass and height change as JSON values; names carry the units."""
+def fit_facts(design: Foot, own: AnkleSole) -> dict[str, Any]:
+    """Return footprint, ankle, added mass and height over a robot's own sole as JSON values; names carry the units."""
+    fit = design.fit(own)
     return {
         "footprint_m": [fit.sole.length, fit.sole.width],
         "ankle_in_sole_m": fit.sole.ankle.tolist(),
-        "added_mass_kg": fit.mass,
-        "height_change_m": fit.height_change,
+        "added_mass_kg": fit.added_inertia.mass,
+        "height_change_m": float(fit.sole.ankle[2] - own.ankle[2]),
     }
 
 

@@ -38,7 +38,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: roughness(GRID, FLAT[1:]), "shape"),
     (lambda: foot("flat").fit("left_foot"), "sole of FlatFoot.fit"),  # type: ignore[arg-type]
     (lambda: foot("soft").fit(None), "sole of SoftFoot.fit"),  # type: ignore[arg-type]
-    (lambda: FootFit(None, None, 1.0, 0.0), "FootFit"),  # type: ignore[arg-type]
+    (lambda: FootFit(None, None), "FootFit"),  # type: ignore[arg-type]
     (lambda: register_foot("undecorated", Undecorated), "'toe' of Undecorated .* @settings"),
     (lambda: register_foot("soft", VariableStiffnessFoot), "'soft' is registered already"),
     (lambda: StiffnessModel.load(3), "path of StiffnessModel.load"),  # type: ignore[arg-type]

@@ -7,12 +7,13 @@ from typing import Literal
 import mujoco
 import numpy as np
 import pytest
+from properties import by_default
 from scipy.spatial.transform import Rotation
 
 from wbc.base.errors import InputError
 from wbc.feet import Foot, FootParts, StiffnessActuator, foot
-from wbc.feet.soles.common_mjcf import RANGE_OFFSET
-from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters
+from wbc.feet.soles.build_mjcf import RANGE_OFFSET
+from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.physics import PhysicsSettings
@@ -115,8 +116,7 @@ def test_mujoco_uses_the_papers_equations(law: ConstraintLaw) -> None:
     spec.option.timestep = timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    solref, solimp = solver_parameters(law)
-    constraint = {"solref": solref, "solimp": solimp}
+    constraint = {"solref": law.solref, "solimp": law.solimp}
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
     ball = spec.worldbody.add_body(pos=[0, 0, 0.1 - violation])
     ball.add_freejoint()
@@ -175,7 +175,6 @@ def test_mujoco_and_the_fit_agree_on_the_inertia_of_the_foot(name: str) -> None:
         inertia += model.body_mass[i] * (place @ place * np.eye(3) - np.outer(place, place))
     added = stand.foot.fit.added_inertia
     assert mass == pytest.approx(added.mass, abs=1e-12)
-    assert mass == pytest.approx(stand.foot.fit.mass, abs=1e-12)
     np.testing.assert_allclose(moment, added.mass * added.lever, atol=1e-9)
     lever = added.lever
     about_link = added.inertia + added.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
@@ -270,9 +269,16 @@ def test_a_sole_belongs_to_its_ankle() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "ground"), [*((name, "plane") for name in DESIGNS), ("flat", "field"), ("soft", "field")]
+    "case",
+    by_default(
+        [*((name, "plane") for name in DESIGNS), ("flat", "field"), ("soft", "field")],
+        ("flat", "plane"),
+        ("iit_softfoot", "plane"),
+        ("soft", "field"),
+    ),
 )
-def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str, ground: str) -> None:
+def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(case: tuple[str, str]) -> None:
+    name, ground = case
     stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field")
     stand.settle(1.5)
     points, forces = stand.contacts()
@@ -286,7 +292,7 @@ def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str,
     np.testing.assert_allclose(centre[:2] - ankle[:2], expected, atol=0.001)
 
 
-@pytest.mark.parametrize("name", ["flat", "rigid", "soft"])
+@pytest.mark.parametrize("name", by_default(["flat", "rigid", "soft"], "soft"))
 def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name: str) -> None:
     stand = Stand(DESIGNS[name], terrain("slope", 0.1), x=1.0, drop=0.1)
     stand.settle(2.0)
@@ -311,8 +317,9 @@ def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name:
 # --- stiffness at run time -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("before", "after"), [(0.0, 42.0), (42.0, 0.0)])
-def test_a_stiffness_set_at_run_time_equals_one_compiled_in(before: float, after: float) -> None:
+@pytest.mark.parametrize("after", by_default([0.0, 42.0], 42.0))
+def test_a_stiffness_set_at_run_time_equals_one_compiled_in(after: float) -> None:
+    before = 42.0 - after
     ground = terrain("stones", 0.03, 2)
     compiled = Stand(foot("soft", stiffness=after), ground, x=1.5, drop=0.1)
     changed = Stand(foot("soft", stiffness=before), ground, x=1.5, drop=0.1)
@@ -401,7 +408,7 @@ def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
     field = ground.surface.field
     around = 5e-5 * np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0])).reshape(2, -1)
     overhangs = family == "large_floor_tiles"  # the sides of tilted tiles, which no height can describe
-    for i in range(750):
+    for i in range(250):
         x, y = random.uniform(ground.start + 0.3, ground.stop - 0.3), random.uniform(-0.3, 0.3)
         tilted = bool(i % 2) and not overhangs
         if tilted:  # the other half is tilted, as a foot in its swing is

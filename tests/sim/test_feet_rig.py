@@ -42,7 +42,9 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     result = press(test, support=False)
     hold = result.hold
     assert not result.diverged and hold is not None
-    assert hold.weight == pytest.approx(200.0 + design.fit(test.robot_sole).mass * test.physics.gravity)
+    assert hold.weight == pytest.approx(
+        200.0 + design.fit(test.robot_sole).added_inertia.mass * test.physics.gravity
+    )
     assert abs(hold.balance_error) < (0.02 if timestep == 0.001 else 0.05)
     assert hold.force_std < 5.0  # the medians over many grounds are far lower: see the slow test
     assert hold.loop_gap < 0.001

@@ -17,7 +17,7 @@ from properties import by_default
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
-from wbc.feet.soles.common_mjcf import VISUAL_GROUP
+from wbc.feet.soles.build_mjcf import VISUAL_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load, urdf
@@ -51,7 +51,7 @@ def state_in_the_air(plant: Plant, rng: np.random.Generator, speed: float) -> tu
 def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
     plant = Plant(load(name), foot="rigid", visuals=False)
     model = plant.model
-    feet = sum(foot.fit.mass for foot in plant.feet)
+    feet = sum(foot.fit.added_inertia.mass for foot in plant.feet)
     assert model.body_mass.sum() == pytest.approx(plant.robot.mass + feet, rel=1e-12)
     joint = model.actuator_trnid[:, 0]
     limit = np.stack([-plant.robot.torque_limit, plant.robot.torque_limit], axis=1)

@@ -119,7 +119,7 @@ def _list(robot: str | None) -> Report:
         fits: dict[str, dict[str, Any]] = {}
         for each, sole in soles.items():
             try:
-                fits[each] = fit_facts(design.fit(sole))
+                fits[each] = fit_facts(design, sole)
             except InputError as error:
                 fits[each] = {"error": str(error)}
         about = first_line(type(design))

@@ -1,4 +1,4 @@
-"""MuJoCo parts of every foot: body with force sensor, contact spheres, range site; and rigid soles made of them."""
+"""MuJoCo models of feet: the parts of every foot, and rigid and soft soles made of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
-from wbc.feet.soles.contact import ContactSpheres, solver_parameters
+from wbc.feet.soles.contact import LOOP_CLOSURE, ContactSpheres
 from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.sole import FootFit, box_inertia
 
@@ -78,7 +78,6 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
 
 def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact: ContactSpheres) -> str:
     """Add a sphere that touches geoms of collision type 1, the ground."""
-    parameters = solver_parameters(contact.law)
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -89,8 +88,8 @@ def add_contact_sphere(body: mujoco.MjsBody, name: str, position: Point, contact
         condim=3,
         priority=1,
         friction=[contact.friction, 0.005, 0.0001],
-        solref=parameters.solref,
-        solimp=parameters.solimp,
+        solref=contact.law.solref,
+        solimp=contact.law.solimp,
         mass=0.0,
         group=CONTACT_GROUP,
         rgba=_SOLE_COLOR,
@@ -163,6 +162,13 @@ def build_rigid(
         for j, y in enumerate(contact.column_positions(width))
     ]
     site = add_range_site(body, side, (length / 2.0 - TOE_TO_RANGE, 0.0, contact.radius))
+    return foot_parts(fit, body, side, site, geoms)
+
+
+def foot_parts(
+    fit: FootFit, body: mujoco.MjsBody, side: str, site: str, geoms: Sequence[str], **soft: Any
+) -> FootParts:
+    """Return the names of a foot that was built, with those that a soft one alone has."""
     return FootParts(
         fit=fit,
         body=body.name,
@@ -171,4 +177,30 @@ def build_rigid(
         torque_sensor=part(side, "torque"),
         range_site=site,
         contact_geoms=tuple(geoms),
+        **soft,
     )
+
+
+def add_hinge(body: mujoco.MjsBody, name: str, stiffness: float, damping: float) -> str:
+    """Add a hinge about the transverse axis with a spring, Nm/rad, and a damper, Nms/rad; return its name."""
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
+    joint.stiffness[0] = stiffness  # the other entries are coefficients of higher powers of the angle
+    joint.damping[0] = damping
+    return name
+
+
+def add_loop(spec: mujoco.MjSpec, side: str, ends: Sequence[tuple[mujoco.MjsBody, Point]]) -> tuple[str, str]:
+    """Hold a place of the arch, in its body, and one of the sole together; return the names of their sites."""
+    names = (part(side, "loop_arch"), part(side, "loop_sole"))
+    for name, (body, place) in zip(names, ends, strict=True):
+        body.add_site(name=name, pos=place, size=[0.004] * 3, group=CONTACT_GROUP)
+    spec.add_equality(
+        name=part(side, "loop"),
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1=names[0],
+        name2=names[1],
+        solref=LOOP_CLOSURE.solref,
+        solimp=LOOP_CLOSURE.solimp,
+    )
+    return names
