@@ -124,11 +124,3 @@ def test_a_reader_that_goes_away_is_no_failure() -> None:
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 0
-
-
-@pytest.mark.slow  # Python compiles the library and all that it imports anew
-def test_commands_run_where_python_leaves_docstrings_out() -> None:
-    words = [sys.executable, "-OO", "-m", "wbc", "walk", "--help"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "Stiffness of soft or variable soles" in " ".join(done.stdout.replace("│", " ").split())

@@ -173,7 +173,7 @@ def test_a_repetition_ends_with_the_tick_at_which_the_walk_was_ended() -> None:
         return SimpleNamespace(plant=plant, stop=lambda: stopped.append(time))
 
     repeat = RepeatWalk([push, *ends])
-    assert repeat._changes == [push]
+    assert [*repeat._changes] == [push]
     for time in (0.0, 0.395, 0.397, 0.398, 0.4, 0.405):
         repeat.after(trial(time))
     assert stopped == [0.398, 0.4, 0.405], "half a period before: times are sums of periods"

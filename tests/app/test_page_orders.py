@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from wbc.app.repeat import RepeatWalk
 from wbc.app.view.controls import (
     DIRECTIONS,
     MAX_IMPULSE,
@@ -64,17 +65,23 @@ def test_interventions_are_carried_out_at_their_times_and_told_once() -> None:
         {"time": 0.3, "what": "stop"},
         {"time": 0.1, "what": "drive", "forward": 0.2, "left": 0.0, "turn": 0.0},
     ]
-    controls = LiveControls(None, walking, repeat=orders)
-    controls.update(0.05)
+
+    def at(time: float) -> Any:
+        return SimpleNamespace(plant=SimpleNamespace(time=time, control_period=0.005), control=walking)
+
+    repeat = RepeatWalk(orders)
+    repeat.start(at(0.0))
+    assert (controls := repeat.controls) is not None
+    repeat.tick(at(0.05))
     assert walking.velocity is None
-    controls.update(0.1)
+    repeat.tick(at(0.1))
     assert walking.velocity == (0.2, 0.0, 0.0) and not walking.stops
     assert controls.news() == [orders[1]] and controls.news() == []
     controls.order({"do": "stop"})
-    controls.update(0.25)
+    repeat.tick(at(0.25))
     assert walking.stops == 1
     assert [entry["what"] for entry in controls.news()] == ["stop"]
-    controls.update(0.35)
+    repeat.tick(at(0.35))
     assert walking.stops == 2 and controls.interventions[-1]["time"] == 0.35
     assert len(controls.news()) == 1
 

@@ -61,28 +61,28 @@ def test_a_run_waits_for_the_clock_and_does_not_catch_up_what_is_long_gone(
 ) -> None:
     hours = Clock(monkeypatch, base)
     view = Bare(HRP4, port=0, speed=2.0)
-    view._pace.wait(0.1, view.speed)
-    assert view._pace.due == hours.now and not hours.slept, "the first tick is where the clock is"
-    view._pace.wait(0.2, view.speed)
+    view._keep_pace(0.1)
+    assert view._due == hours.now and not hours.slept, "the first tick is where the clock is"
+    view._keep_pace(0.2)
     assert hours.slept == pytest.approx([0.05]), "0.1 s at twice its pace"
     hours.now += 0.05 + 0.9 * CATCH_UP_TIME
-    view._pace.wait(0.3, view.speed)
-    assert hours.slept[-1] == 0.0 and view._pace.due == pytest.approx(100.1), "late, and it catches up"
+    view._keep_pace(0.3)
+    assert hours.slept[-1] == 0.0 and view._due == pytest.approx(100.1), "late, and it catches up"
     hours.now += 0.2 * CATCH_UP_TIME + 0.05
-    view._pace.wait(0.4, view.speed)
-    assert view._pace.due == hours.now and len(hours.slept) == 2, "too late"
+    view._keep_pace(0.4)
+    assert view._due == hours.now and len(hours.slept) == 2, "too late"
     for time in (0.4 + 1.01 * MAX_STEP, 0.2):
-        view._pace.due = hours.now + 50.0
-        view._pace.wait(time, view.speed)
-        assert view._pace.due == hours.now, "another run, or one that has begun anew"
-    view._pace.wait(0.2 + 0.99 * MAX_STEP, view.speed)
+        view._due = hours.now + 50.0
+        view._keep_pace(time)
+        assert view._due == hours.now, "another run, or one that has begun anew"
+    view._keep_pace(0.2 + 0.99 * MAX_STEP)
     assert hours.slept[-1] == pytest.approx(0.5 * 0.99 * MAX_STEP)
     for bad in (0.0, -1.0, math.nan):
         with pytest.raises(InputError, match="speed"):
             view.speed = bad
     view.speed = None
     count = len(hours.slept)
-    view._pace.wait(view._pace.time + 0.5, view.speed)
+    view._keep_pace(view._time + 0.5)
     assert len(hours.slept) == count
 
 
@@ -159,9 +159,9 @@ def test_the_time_of_a_described_robot_is_that_of_its_measurement(monkeypatch: p
     view = Bare(HRP4, port=0)
     robot = HRP4.robot()
     view.update(robot, measurement=replace(Measurement.resting(robot), time=7.5))
-    assert view._pace.time == 7.5 and view.sent[-1].time == 7.5
+    assert view._time == 7.5 and view.sent[-1].time == 7.5
     view.update(HRP4.robot())
-    assert view._pace.time == 7.5, "without one the run has not gone on"
+    assert view._time == 7.5, "without one the run has not gone on"
 
 
 def test_the_first_free_port_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,14 +237,13 @@ def test_a_view_is_a_hook_that_opens_with_its_trial_and_ends_with_it() -> None:
     view.end(None)
     assert view.closed and view.asked[-1] == "end"
     with pytest.raises(base.ViewError, match="closed"):
-        view.show_trial(trial)
+        view.start(trial)
 
 
 def test_a_view_that_stays_shows_the_next_trial_and_each_of_them_once() -> None:
     view, trials = Shown(), [trial_of(wbc.Plant(name, visuals=False)) for name in (HRP4, "g1")]
     view.stays = True
     for trial in trials:
-        view.show_trial(trial)
         view.start(trial)
         view.end(None)
     assert view.asked[1:] == ["hrp4_class", 0.0, "g1", 0.0] and not view.closed

@@ -221,14 +221,12 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made: list[Any] = []
+    shown: list[Any] = []
     asks = [True, True, False]
 
     class Page:
         def __init__(self, **options: Any) -> None:
-            self.options, self.opened, self.closed, self.stays = options, [], False, False
-
-        def show_trial(self, trial: Any) -> None:
-            self.opened.append(trial)
+            self.options, self.closed, self.stays = options, False, False
 
         def ended(self, how: str) -> bool:
             assert how == "ended 7"
@@ -244,12 +242,17 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
     monkeypatch.setattr("wbc.app.view.workbench.Workbench", Page)
 
     def run(options: LiveView) -> Any:
-        return options.run(make, lambda trial, hooks: 7, lambda ended: f"ended {ended}")  # type: ignore[arg-type]
+        return options.run(
+            make,
+            lambda trial, hooks: shown.append((trial, *hooks)) or 7,  # type: ignore[func-returns-value]
+            lambda ended: f"ended {ended}",
+        )
 
     result, trial, hooks = run(LiveView())
     assert (result, trial, hooks, len(made)) == (7, made[0], [], 1)
     result, trial, (page,) = run(LiveView(view="workbench", port=0))
-    assert len(made) == 4 and trial is made[3] and page.opened == made[1:] and page.closed and not asks
+    assert len(made) == 4 and trial is made[3] and page.closed and not asks
+    assert shown == [(made[0],), *((each, page) for each in made[1:])]
     assert page.stays and page.options["port"] == 0 and page.options["speed"] == 1.0
 
 

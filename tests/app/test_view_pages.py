@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from browser import Browser, needs_chromium
 from foreign import foreign_model
+from log_writing import write
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 from watched_walk import tick
@@ -152,14 +153,15 @@ def test_a_port_in_use_stops_a_walk_before_anything_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "walk.arrow"
-    log.write_text("kept")
+    write(log, 5).close()
+    kept = log.read_bytes()
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = str(taken.getsockname()[1])
         assert main([*WALK, "--view", "meshcat", "--port", port, "--record", str(log)]) == BAD_INPUT
     captured = capsys.readouterr()
-    assert port in captured.err and not captured.out and log.read_text() == "kept"
+    assert port in captured.err and not captured.out and log.read_bytes() == kept
 
 
 @pytest.mark.slow

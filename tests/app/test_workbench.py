@@ -19,6 +19,7 @@ import pytest
 from browser import Browser, needs_chromium
 
 import wbc
+from wbc.app.repeat import RepeatWalk
 from wbc.app.view.base import PortError
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
@@ -124,9 +125,10 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     ]
     assert first != plain
     plant, control = stand()
-    again = LiveControls(plant, None, control.controller, repeat=view.controls.interventions)
-    assert run(plant, control, 60, lambda: again.update(plant.time)) == first
-    assert again.interventions == view.controls.interventions
+    again, tick = RepeatWalk(view.controls.interventions), SimpleNamespace(plant=plant)
+    again.controls = LiveControls(plant, None, control.controller)
+    assert run(plant, control, 60, lambda: again.tick(tick)) == first  # type: ignore[arg-type]
+    assert again.controls.interventions == view.controls.interventions
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,8 @@ cyclopts converts the words of an option by the type of its field; the settings 
 
 from __future__ import annotations
 
-import ast
 import functools
 import inspect
-import sys
-import textwrap
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -26,19 +23,13 @@ def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) 
     """Check whole numbers before they are converted; cyclopts calls it for every command."""
     del app, commands
     for argument in arguments:
-        kinds = (argument.hint, *typing.get_args(argument.hint))
-        for token in argument.tokens:
-            if int in kinds:
-                _check_whole(argument.name, token.value)
-
-
-def _check_whole(option: str, text: str) -> None:
-    try:
-        number = float(text)
-    except ValueError:
-        return  # cyclopts refuses what is no number
-    if not number.is_integer():
-        raise InputError(f"{option} must be a whole number, got {text}")
+        for token in argument.tokens if int in (argument.hint, *typing.get_args(argument.hint)) else ():
+            try:
+                whole = float(token.value).is_integer()
+            except ValueError:  # cyclopts refuses what is no number
+                continue
+            if not whole:
+                raise InputError(f"{argument.name} must be a whole number, got {token.value}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,20 +150,9 @@ def attribute_docs(kind: type) -> dict[str, str]:
         if not is_dataclass(cls):
             continue
         found |= {each.name: found.get(each.name, "") for each in fields(cls)}
-        for each in docstring_parser.parse(_docstring(cls)).params:
+        for each in docstring_parser.parse(cls.__doc__ or "").params:
             found[each.arg_name] = " ".join((each.description or "").split())
     return found
-
-
-def _docstring(cls: type) -> str:
-    """Return the docstring of a class, from its source where Python has left it out (`python -OO`)."""
-    if sys.flags.optimize < 2:
-        return cls.__doc__ or ""
-    try:
-        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-        return ast.get_docstring(definition) or ""  # type: ignore[arg-type]
-    except (OSError, SyntaxError, TypeError, ValueError):  # there is no source
-        return ""
 
 
 def _paths(kind: type) -> list[str]:

@@ -76,8 +76,6 @@ class LiveView:
                 views.append(view)
             while True:
                 trial = make()
-                for view in views:
-                    view.show_trial(trial)
                 with ended_by_interrupt(trial), shown_progress(trial, watched=bool(views)):
                     result = simulate(trial, views)
                 if not any(not view.closed and view.ended(outcome(result)) for view in views):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,9 @@ import numpy as np
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import END, LiveControls, checked_interventions
 from wbc.base.errors import InputError
-from wbc.base.files import naming, stamped_file
-from wbc.robots import load
+from wbc.base.files import naming
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.spec import SOURCE, WalkSpec
-from wbc.sim.walks.stiffness_policy import FILE
-from wbc.sim.walks.trained import stamped_policy
+from wbc.sim.walks.spec import WalkSpec
 
 if TYPE_CHECKING:
     from wbc.sim.trial.trial import AnyTrial, TrialTick
@@ -45,34 +42,7 @@ def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
     changes = interventions_of(log)
     if log.broken is not None:
         changes.append({"time": float(log.time[-1]), "what": END})
-    return WalkSpec.from_json(_located(plain, log)), changes
-
-
-def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
-    """Return a spec whose files are found from the present folder, too.
-
-    A relative name is taken in the present folder if the file there is the one that was read, in the folder of the
-    recorded program else, and beside the log at last.
-    """
-    folders = [Path(log.header.get("folder") or ""), log.path.parent]
-
-    def found(given: Any, read: Callable[[str], object]) -> Any:
-        name, mark, content = given.rpartition("#") if isinstance(given, str) else ("", "", "")
-        for place in (name, *(folder / name for folder in folders)) if mark else ():
-            with suppress(InputError):
-                read(f"{place}#{content}")
-                return f"{place}#{content}"
-        return given
-
-    located = dict(plain)
-    for part, key in (("policy_params", FILE), ("terrain_params", SOURCE)):
-        values = plain.get(part)
-        if isinstance(values, dict) and key in values:
-            located[part] = {**values, key: found(values[key], lambda name: stamped_file(name, "file"))}
-    for part, read in (("trained", stamped_policy), ("robot", load)):
-        if part in plain:
-            located[part] = found(plain[part], read)
-    return located
+    return WalkSpec.from_json(plain), changes
 
 
 class RepeatWalk(TrialHook):
@@ -84,20 +54,23 @@ class RepeatWalk(TrialHook):
 
     def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
         """Store the interventions; see `interventions_of`."""
-        entries = checked_interventions(interventions)
-        self._changes = [entry for entry in entries if entry["what"] != END]
+        entries = sorted(checked_interventions(interventions), key=lambda entry: entry["time"])
+        self._changes = deque(entry for entry in entries if entry["what"] != END)
         self._end = min((entry["time"] for entry in entries if entry["what"] == END), default=math.inf)
         self.controls: LiveControls | None = None
 
     def start(self, trial: WalkTrial) -> None:
         """See `TrialHook`."""
-        self.controls = LiveControls(trial.plant, trial.control, repeat=self._changes)
+        self.controls = LiveControls(trial.plant, trial.control)
         self.after(trial)  # it may have ended before the first tick
 
     def tick(self, tick: TrialTick) -> None:
         """See `TrialHook`."""
         assert self.controls is not None
         self.controls.update(tick.plant.time)
+        while self._changes and self._changes[0]["time"] <= tick.plant.time:
+            entry = self._changes.popleft()
+            self.controls.apply({"do": entry.pop("what"), **entry})
 
     def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""

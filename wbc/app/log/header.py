@@ -3,7 +3,6 @@
 format          number of the format, see `FORMAT`
 program         "wbc" and its version
 versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, hash of its files, libraries
-folder          folder in which the program ran: relative names of files in the spec are of it
 created         date and time (UTC)
 title, seed     of the run
 control_period  s; null for a controller of one's own
@@ -19,7 +18,6 @@ from __future__ import annotations
 import datetime
 import json
 import math
-import os
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -91,7 +89,6 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
         "program": f"wbc {__version__}",
         "versions": dict(provenance()),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "folder": _folder(),
         "title": title or robot.name,
         "seed": seed,
         "control_period": None if tick.controller is None else tick.controller.dt,
@@ -105,13 +102,6 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
         "plant": None if plant is None else _plant_parts(plant),
         "description": to_json(tick.description if plant is None else None),
     }
-
-
-def _folder() -> str:
-    try:
-        return os.getcwd()
-    except OSError:  # it has been removed
-        return ""
 
 
 def encode(header: dict[str, Any]) -> bytes:

@@ -118,10 +118,9 @@ class View(TrialHook, ABC):
         """
         self._period = 1.0 / rate
         self.speed = speed
-        self._pace = RunPace()
+        self._time = self._due = 0.0  # of the run at the last tick, and of the clock for that tick, s
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._port, self._wait, self._opened, self.stays = port, wait, False, False
-        self._trial: AnyTrial | None = None
         if source is not None:
             self.show(source, control, program)
 
@@ -143,21 +142,12 @@ class View(TrialHook, ABC):
 
     # ---- as a hook of a trial ---------------------------------------------------------------------------------------
 
-    def show_trial(self, trial: AnyTrial) -> None:
-        """Show a trial before it starts, to learn early whether the port is free.
-
-        Of a simulation without a model of MuJoCo's the robot alone is shown.
-        """
-        self._trial, plant = trial, trial.plant
-        if isinstance(plant, MujocoRobot):
+    def start(self, trial: AnyTrial) -> None:
+        """See `TrialHook`; of a simulation without a model of MuJoCo's the robot alone is shown."""
+        if isinstance(plant := trial.plant, MujocoRobot):
             self.show(plant, trial.control)
         else:
             self.show(plant.description)
-
-    def start(self, trial: AnyTrial) -> None:
-        """See `TrialHook`."""
-        if self._trial is not trial:
-            self.show_trial(trial)
         self.wait_for_page(self._wait)
 
     def tick(self, tick: TrialTick) -> None:
@@ -228,10 +218,19 @@ class View(TrialHook, ABC):
         self._check()
         now = self.run.stage.take(state, measurement)
         self._take_orders(now)
-        self._pace.wait(now, self.speed)
+        self._keep_pace(now)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
             self._show()
+
+    def _keep_pace(self, time: float) -> None:
+        """Wait until the clock has come as far as the run, at a time (s)."""
+        step, self._time, present = time - self._time, time, clock.perf_counter()
+        self._due += step / (self.speed or math.inf)
+        if not 0.0 <= step <= MAX_STEP or present > self._due + CATCH_UP_TIME:
+            self._due = present
+        elif self.speed is not None:
+            clock.sleep(max(0.0, self._due - present))
 
     def _show(self) -> None:
         """Show the present state, of a described robot that which was given last; nothing before one was."""
@@ -279,28 +278,6 @@ class View(TrialHook, ABC):
 
     def __exit__(self, *error: object) -> None:
         self.close()
-
-
-class RunPace:
-    """Pace of a run that follows the clock.
-
-    Attributes:
-        time: Simulated time of the last tick, s.
-        due: Clock at which it was to come, s.
-    """
-
-    def __init__(self) -> None:
-        """Begin with the first tick."""
-        self.time = self.due = 0.0
-
-    def wait(self, time: float, speed: float | None) -> None:
-        """Wait until the clock has come as far as a run, s, at a multiple of real time; None never waits."""
-        step, self.time, present = time - self.time, time, clock.perf_counter()
-        self.due += step / (speed or math.inf)
-        if not 0.0 <= step <= MAX_STEP or present > self.due + CATCH_UP_TIME:
-            self.due = present
-        elif speed is not None:
-            clock.sleep(max(0.0, self.due - present))
 
 
 def free_port(port: int | None) -> int:

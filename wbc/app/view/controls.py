@@ -79,7 +79,7 @@ class Setting(NamedTuple):
 
 
 class LiveControls:
-    """Controls of one run, which carry out orders; without a page they repeat the interventions of a former run.
+    """Controls of one run, which carry out orders.
 
     Attributes:
         plant: Robot that is pushed; None without a simulation.
@@ -95,10 +95,8 @@ class LiveControls:
         plant: Simulation | None,
         walking: SteeredControl | None,
         controller: Controller | None = None,
-        *,
-        repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Find the controls that the run has; interventions of a former one are carried out again at their times."""
+        """Find the controls that the run has."""
         self.plant, self.walking = plant, walking
         if controller is None and walking is not None and walking.drives is not None:
             controller = walking.drives.controller
@@ -106,7 +104,6 @@ class LiveControls:
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
-        self._repeat = deque(sorted(checked_interventions(repeat), key=lambda entry: entry["time"]))
         self._reported, self.time = 0, 0.0
         self._ended = False
         self._docs = attribute_docs(StabilizerGains)
@@ -149,9 +146,6 @@ class LiveControls:
     def update(self, time: float) -> None:
         """Carry out the orders that are due at a simulated time, s."""
         self.time = time
-        while self._repeat and self._repeat[0]["time"] <= time:
-            entry = self._repeat.popleft()
-            self.apply({"do": entry.pop("what"), **entry})
         while self._orders:
             self.apply(self._orders.popleft())
 
