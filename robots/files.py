@@ -13,33 +13,22 @@ that are not to be derived:
 from __future__ import annotations
 
 import json
-import re
+import os
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from wbc.base.errors import InputError, WbcError, names_in, shown_path
-from wbc.base.files import decoding, first_tag, home_path, read_toml, read_xml, write_text
+from wbc.base.errors import InputError, names_in, shown_path
+from wbc.base.files import decoding, first_tag, home_path, read_text, read_toml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
-from wbc.robots.mesh_files import PACKAGE_DEPTH, resolve
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
 """Endings of the files that describe a robot, and of those of Gazebo, which are refused."""
-
-
-REFERENCES = re.compile(r"""\b(?:file|filename|url)\s*=\s*["']([^"'<>]+)""")
-"""Names of files in a description: meshes, height fields and parts of the robot."""
-
-FOLDERS = re.compile(r"""\b(?:meshdir|assetdir|texturedir)\s*=\s*["']([^"'<>]+)""")
-"""Folders of these files in an MJCF."""
-
-Stamp = tuple[str, int, int]
-"""Path of a file, time of its last change, ns, and size, bytes."""
 
 
 def is_path(name: str) -> bool:
@@ -47,67 +36,37 @@ def is_path(name: str) -> bool:
     return name.lower().endswith(ENDINGS) or "/" in name or "\\" in name
 
 
-def stamps(path: Path) -> tuple[Stamp, ...]:
-    """Return the stamps of a robot file and of all files that it refers to: they change when one of them does."""
-    found: dict[Path, Stamp] = {}
-    waiting: list[tuple[Path, tuple[str, ...]]] = [(path, ())]
-    while waiting:
-        place, folders = waiting.pop()
-        place = place.resolve()
-        if place in found or not place.is_file():
-            continue
-        state = place.stat()
-        found[place] = str(place), state.st_mtime_ns, state.st_size
-        names, further = _references(*found[place])
-        folders = (*further, *folders)  # those of a file hold for the files that it includes
-        waiting += [(each, folders) for name in names if (each := resolve(name, folders)) is not None]
-    return tuple(found.values())
-
-
-@lru_cache(maxsize=256)
-def _references(path: str, _time: int, _size: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of files in a robot file, and the folders in which they may be; none in what is no such file."""
-    place = Path(path)
-    if place.suffix.lower() not in ENDINGS:
-        return (), ()
-    try:
-        if place.suffix.lower() == ".toml":
-            values = read_toml(place)
-            given = values.get("package_dirs", ())
-            names, folders = [values.get("file", "")], given if isinstance(given, list) else []
-        else:
-            text = read_xml(place)
-            names = REFERENCES.findall(text)
-            folders = FOLDERS.findall(text)
-    except WbcError:  # which its reader raises
-        return (), ()
-    above = list(place.parents)[: PACKAGE_DEPTH + 1]
-    within = [place.parent / home_path(each) for each in folders if isinstance(each, str)]
-    named = [str(home_path(name)) if name[:1] == "~" else name for name in names if isinstance(name, str)]
-    return tuple(dict.fromkeys(named)), tuple(map(str, (*within, *above)))
-
-
 def read(path: str | Path) -> RobotDescription:
-    """Return the description of a robot in an MJCF, a URDF or a TOML description; `InputError` if it cannot be used."""
-    place = home_path(path)
-    if place.suffix.lower() != ".toml":
-        return describe(place, {})
-    values = read_toml(place)
-    source = values.pop("file", None)
-    if not isinstance(source, str):
-        raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
-    for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
-        if not name.isprintable():
-            raise InputError(f"{shown_path(path)} names {shown_path(name)}")
-    values.setdefault("name", place.stem)
-    return describe(place.parent / home_path(source), values)
+    """Return the description of a robot in an MJCF, a URDF or a TOML description; `InputError` if it cannot be used.
+
+    The same object is returned until the file, or the one that a TOML names, has changed. A change of a mesh or of an
+    included file alone is seen by the next process. The last 32 are kept.
+    """
+    place, values = home_path(path), dict[str, Any]()
+    if place.suffix.lower() == ".toml":
+        values = read_toml(place)
+        source = values.pop("file", None)
+        if not isinstance(source, str):
+            raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
+        for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
+            if not name.isprintable():
+                raise InputError(f"{shown_path(path)} names {shown_path(name)}")
+        values.setdefault("name", place.stem)
+        place = place.parent / home_path(source)
+    state = place.stat() if os.path.isfile(place) else None
+    return _described(place, json.dumps(values, default=str), state and (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(maxsize=32)
+def _described(path: Path, parameters: str, _: tuple[int, int] | None) -> RobotDescription:
+    return describe(path, json.loads(parameters))
 
 
 def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
     """Return the description of an MJCF or a URDF with some parameters of its reader as plain values."""
     with decoding(path, "robot that can be read"):
         known = {"name": path.stem, **{name: _typed(name, value) for name, value in parameters.items()}}
-        if first_tag(read_xml(path, "robot file")) == "robot":
+        if first_tag(read_text(path, "robot file")) == "robot":
             return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +95,7 @@ def stamped(name: str) -> str:
 def load(name: str | Path) -> RobotDescription:
     """Return the description of a robot; every call with the same name returns the same object.
 
-    Of files the last 32 are kept.
+    Of a file it does until it has changed, see `wbc.robots.files.read`.
 
     Args:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
@@ -111,8 +111,7 @@ def load(name: str | Path) -> RobotDescription:
             )
         return description
     if name not in _FACTORIES and files.is_path(name):
-        path = existing(name, "robot", "an MJCF, a URDF or a TOML description")
-        return _read(str(path), files.stamps(path))
+        return files.read(existing(name, "robot", "an MJCF, a URDF or a TOML description"))
     return _load(name, _FACTORIES[name])
 
 
@@ -130,9 +129,3 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
             f"the factory of robot '{name}' must return a RobotDescription, got {shown(description)}"
         )
     return description
-
-
-@lru_cache(maxsize=32)
-def _read(path: str, _: tuple[files.Stamp, ...]) -> RobotDescription:
-    """Read a robot file, anew when it or a file that it refers to has changed."""
-    return files.read(path)

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
-from wbc.base.files import existing, parse_xml, read_xml
+from wbc.base.files import existing, parse_xml, read_text
 from wbc.base.numbers import Array
 from wbc.core.frames import yaw_rotation
 from wbc.core.model import Coupling
@@ -285,7 +285,7 @@ def _root(source: str | Path) -> tuple[Element, str]:
     text, where = str(source), "URDF string"
     if is_file(source):
         path = existing(text, "URDF", "a path or the XML itself")
-        where, text = shown_path(path), read_xml(path, "URDF")
+        where, text = shown_path(path), read_text(path, "URDF")
     try:
         root = parse_xml(text)
     except (ElementTree.ParseError, ValueError) as error:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import codecs
-import contextlib
-import html
 import os
 import re
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import decoding, existing, first_tag, read_xml
+from wbc.base.files import existing, first_tag, home_path, read_text
 from wbc.robots.mesh_files import mesh_defect
 from wbc.robots.urdf import MOST_LINKS
-
-MOST_FOLDERS = 100
-"""Most folders of meshes, pictures and included files that an MJCF may name."""
 
 OTHER_FORMATS = {
     "": "no XML",
@@ -42,8 +35,8 @@ def compiled(source: object, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset
         if isinstance(source, mujoco.MjSpec):
             where, spec = "MjSpec", source.copy()
         elif isinstance(source, (str, Path)):
-            where, read = _source(source)
-            spec = read()
+            where = "MJCF string" if str(source).lstrip().startswith("<") else shown_path(home_path(source))
+            spec = read_spec(source)
         else:
             raise InputError(
                 f"an MJCF must be a path, the XML itself, an MjSpec or an MjModel, got {shown(source)}"
@@ -78,89 +71,24 @@ def one_line(error: BaseException) -> str:
     return re.sub(r"^((XML )?Error: ?|compile: )+", "", line) or type(error).__name__
 
 
-def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
-    """Return the name of a source for messages, and a function that reads it."""
+def read_spec(source: str | Path) -> mujoco.MjSpec:
+    """Return the spec of an MJCF, the XML itself or the path of a file with its meshes beside it; MuJoCo's errors pass.
+
+    MuJoCo reads a file with the ending .xml; any other one is given to it as text, and must include no further file.
+    """
     content = str(source)
     if content.lstrip().startswith("<"):
         content.encode()  # surrogates, which no XML holds, are a ValueError
         _refuse_other_formats("MJCF string", content)
-        _refuse_pipes(Path(), content)
-        return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
+        return mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
-    where = shown_path(path)
-    _refuse_pipes(path.parent, read_xml(path, "MJCF"))
-    texts = _texts(path)
-    _refuse_other_formats(where, texts[path.name])
-    return where, lambda: _spec_of(path, texts)
-
-
-def read_spec(source: str | Path) -> mujoco.MjSpec:
-    """Return the spec of an MJCF: the XML itself, or a file of any ending and encoding, with its meshes beside it."""
-    return _source(source)[1]()
-
-
-def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
-    """Return the spec of a file, given its text and those of what it includes.
-
-    MuJoCo knows UTF-8 and the ending .xml alone; what is written otherwise it gets as text.
-    """
-    plain = (
-        (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
-        for name, text in texts.items()
-    )
-    if path.suffix == ".xml" and all(plain):
+    content = read_text(path, "MJCF")
+    _refuse_other_formats(shown_path(path), content)
+    if path.suffix == ".xml":
         return mujoco.MjSpec.from_file(str(path))
-    own, *others = texts
-    spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
+    spec = mujoco.MjSpec.from_string(content)
     spec.modelfiledir = str(path.parent)
     return spec
-
-
-def _refuse_pipes(folder: Path, text: str) -> None:
-    """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
-
-    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF. Any name may be
-    in any of the folders that the files name.
-    """
-    folders, names, read = {folder}, dict[str, None](), set[Path]()
-    waiting = [text]
-    while waiting:
-        for content in waiting:
-            named = re.findall(r"(?:mesh|texture|asset)dir\s*=\s*(?:\"([^\"]*)\"|'([^']*)')", content)
-            folders |= {folder / html.unescape(one or other) for one, other in named}
-            for one, other in re.findall(r"file\w*\s*=\s*(?:\"([^\"]+)\"|'([^']+)')", content):
-                name = html.unescape(one or other)
-                names |= {name: None, Path(name).name: None}  # strippath
-        if len(folders) > MOST_FOLDERS:
-            raise InputError(f"an MJCF may name {MOST_FOLDERS} folders of files at most, got {len(folders)}")
-        waiting = []
-        for place in {each / name for each in folders for name in names} - read:
-            read.add(place)
-            if not os.path.exists(place):  # false for a name that is too long, too
-                continue
-            with decoding(place, "file of an MJCF"):
-                begin = place.open("rb").read(64)
-            if b"<" in begin:  # a model, or what is included
-                folders.add(place.parent)
-                with contextlib.suppress(InputError):  # MuJoCo reads, or refuses, what is included
-                    waiting.append(read_xml(place, "MJCF"))
-
-
-def _texts(path: Path) -> dict[str, str]:
-    """Return the text of a file and of what it includes, by names relative to its folder, the file itself first."""
-    texts: dict[str, str] = {}
-    waiting = [path.name]
-    for name in waiting:
-        if name in texts or not os.path.isfile(path.parent / name):
-            continue
-        try:
-            texts[name] = read_xml(path.parent / name, "MJCF")
-        except InputError:
-            if not texts:
-                raise
-            continue  # MuJoCo reads, or refuses, what is included
-        waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
-    return texts
 
 
 def _refuse_other_formats(where: str, content: str) -> None:

@@ -13,7 +13,7 @@ from mjcf_biped import biped
 from wbc.base.errors import InputError, ModelError
 from wbc.core.model import Coupling
 from wbc.robots import RobotDescription
-from wbc.robots.readers.compile_mjcf import MOST_FOLDERS, compiled, one_line
+from wbc.robots.readers.compile_mjcf import compiled, one_line
 
 ROBOT = """<mujoco><compiler angle="radian"/>{extra}<worldbody><body name="robot">{free}<geom size=".1"/>
 <body name="arm" pos=".2 0 0"><joint name="a" axis="0 1 0" actuatorfrcrange="-9 9" {a}/><geom size=".1"/>{arm}
@@ -86,19 +86,6 @@ def test_a_nan_is_named_by_line_and_attribute_unless_it_is_a_name() -> None:
         assert "nan" in RobotDescription.from_mjcf(text, base="fixed").joint_names
 
 
-@pytest.mark.parametrize(("count", "refused"), [(MOST_FOLDERS, True), (MOST_FOLDERS - 1, False)])
-def test_folders_of_files_are_counted(count: int, refused: bool) -> None:
-    """With that of the file."""
-    extra = "".join(f'<compiler meshdir="f{i}"/>' for i in range(count))
-    if refused:
-        with pytest.raises(
-            InputError, match=f"{MOST_FOLDERS} folders of files at most, got {MOST_FOLDERS + 1}"
-        ):
-            RobotDescription.from_mjcf(robot(extra), base="fixed")
-    else:
-        RobotDescription.from_mjcf(robot(extra), base="fixed")
-
-
 def test_copies_are_counted_in_the_text_before_they_are_made() -> None:
     """5000 copies of two bodies: the text has 2 bodies and 5000 copies, MuJoCo would make 10,000."""
     two = '<body><geom size=".1"/><body><geom size=".1"/></body></body>'
@@ -139,11 +126,6 @@ def test_files_that_are_missing_or_broken_are_named_with_the_way_out(tmp_path: P
     with pytest.raises(ModelError) as error:
         RobotDescription.from_mjcf(robot(arm='<geom type="mesh" mesh="m"/>'), base="fixed")
     assert "without-meshes" not in str(error.value)
-    path.write_text(robot('<include file="part.xml"/>'))
-    (tmp_path / "part.xml").write_text(
-        "<mujocoinclude><compiler autolimits='true'/></mujocoinclude>", encoding="utf-16"
-    )
-    assert RobotDescription.from_mjcf(path, base="fixed").joint_names == ("a", "b")
 
 
 def test_messages_of_mujoco_are_one_line_without_their_prefix() -> None:

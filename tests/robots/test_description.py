@@ -276,22 +276,3 @@ def test_talos_bends_forward_by_its_second_torso_joint() -> None:
     assert up == pytest.approx([np.sin(0.006761), 0.0, np.cos(0.006761)], abs=1e-9)
     left, right = (pin.SE3(robot.placement(f"{side}_sole")).translation for side in ("left", "right"))
     assert left[0] == pytest.approx(right[0], abs=1e-9) and left[1] == pytest.approx(-right[1], abs=1e-9)
-
-
-def test_stamps_are_of_each_file_once_and_of_folders_above_a_description(tmp_path: Path) -> None:
-    """Files may refer to each other; five folders above the one of a file may hold its packages."""
-    assert files.stamps(tmp_path / "gone.xml") == ()
-    for one, other in (("a.xml", "b.xml"), ("b.xml", "a.xml")):
-        (tmp_path / one).write_text(f'<mujoco><include file="{other}"/></mujoco>')
-    assert sorted(Path(path).name for path, *_ in files.stamps(tmp_path / "a.xml")) == ["a.xml", "b.xml"]
-    deep = tmp_path
-    for depth in range(7):
-        folder = deep / f"p{depth}"
-        folder.mkdir()
-        (folder / "m.stl").write_text(str(depth))
-        deep = deep / f"d{depth}"
-        deep.mkdir()
-    meshes = "".join(f'<mesh filename="package://p{depth}/m.stl"/>' for depth in range(7))
-    (deep / "r.urdf").write_text(f"<robot>{meshes}</robot>")
-    found = {Path(path).parent.name for path, *_ in files.stamps(deep / "r.urdf")}
-    assert found == {"d6", "p6", "p5", "p4", "p3", "p2"}

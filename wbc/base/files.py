@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import contextlib
 import hashlib
 import io
@@ -151,25 +150,6 @@ def read_text(path: Path, kind: str = "text file") -> str:
     """Return the content of a text file of some kind without its byte order mark, or raise an `InputError`."""
     with decoding(path, kind) as file:
         return file.read_text(encoding="utf-8-sig")
-
-
-_MARKS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
-    b"<\0": "utf-16-le",
-    b"\0<": "utf-16-be",
-}
-"""First bytes of an XML file that say its encoding: a byte order mark, or the first letter."""
-
-
-def read_xml(path: Path, kind: str = "XML file") -> str:
-    """Return the content of an XML file, in the encoding of its byte order mark or declaration, else UTF-8."""
-    with decoding(path, kind) as file:
-        content = file.read_bytes()
-        marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
-        declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z][\w.-]*)", content)
-        return content.decode(marked or (declared[1].decode() if declared else "utf-8"))
 
 
 def parse_xml(text: str) -> ElementTree.Element:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
-from wbc.base.files import parse_xml, read_xml
+from wbc.base.files import parse_xml, read_text
 from wbc.base.numbers import Array
 from wbc.core.limits.obstacles import Obstacle, PlacedObstacle, Shape, geometry_of
 from wbc.core.robot import Robot
@@ -31,7 +31,7 @@ def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
     """
     text = str(srdf)
     try:
-        root = parse_xml(text if text.lstrip().startswith("<") else read_xml(Path(text), "SRDF"))
+        root = parse_xml(text if text.lstrip().startswith("<") else read_text(Path(text), "SRDF"))
     except (ET.ParseError, InputError) as error:
         raise InputError(f"cannot read the SRDF of a collision limit: {error}") from error
     left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
