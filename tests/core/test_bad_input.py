@@ -15,7 +15,6 @@ import pytest
 
 import wbc
 from wbc.base.errors import InputError, ModelError, UnknownNameError
-from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.limits.obstacles import CollisionSphere, Obstacle
 from wbc.core.qp.contact import FIRMEST
 from wbc.core.qp.released import ReleasedJoints
@@ -165,11 +164,6 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
         )
     ),
     (lambda: wbc.Observer(wbc.Robot(g1().model, g1().soles[:1], g1().half_sitting)), InputError, "two feet"),
-    (
-        lambda: WrenchSettings(lift_off=0.5),
-        InputError,
-        "lift_off must not exceed touch_down, got 0.5 and 0.08",
-    ),
     (lambda: observer().resume(NAN), InputError, r"time of Observer.resume \(s\)"),
     (lambda: observer().retune(3), InputError, "settings of Observer.retune"),  # type: ignore[arg-type]
 ]

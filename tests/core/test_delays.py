@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +14,7 @@ from wbc import Command, CoMTask, walk
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.estimation.wrenches import SentCommands, WrenchEstimator
+from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
@@ -153,27 +152,26 @@ def test_a_g1_on_its_makers_gains_walks_with_delays(blind: bool) -> None:
 
 def test_the_torque_that_acted_is_that_of_the_commands_of_the_period_before() -> None:
     """With a delay of one and a half periods: half of the last command but one, half of the one before that."""
-    kp, kd = np.array([100.0, 50.0]), np.array([10.0, 5.0])
-    sent = SentCommands((kp, kd), (np.array([-1e3, -12.0]), np.array([1e3, 12.0])), DT, 1.5 * DT)
-    tau, to, rate, own_kp, own_kd = np.random.default_rng(0).uniform(0.1, 1.0, size=(5, 2))
-    seen = SimpleNamespace(joint_position=np.array([0.1, -0.2]), joint_velocity=np.array([0.3, -0.4]))
-    q, v = to - seen.joint_position, seen.joint_velocity
+    robot, rng = G1.robot(), np.random.default_rng(0)
+    kp, kd, tau, to, rate, own_kp, own_kd, place, pace = rng.uniform(0.1, 1.0, size=(9, robot.na))
+    estimator = WrenchEstimator(robot, DT, gains=(kp, kd), delay=1.5 * DT)
+    seen = Measurement(0.0, place, pace, np.zeros(3), np.zeros(3), None)
     told = [
         (Command(tau), tau),
-        (Command(tau, to), tau + kp * q - kd * v),
-        (Command(tau, to, rate), tau + kp * q + kd * (rate - v)),
-        (Command(tau, to, rate, kp=own_kp, kd=own_kd), tau + own_kp * q + own_kd * (rate - v)),
-        (Command(-9.0 * tau, None, rate), -9.0 * tau),
+        (Command(tau, to), tau + kp * (to - place) - kd * pace),
+        (Command(tau, to, rate), tau + kp * (to - place) + kd * (rate - pace)),
+        (Command(tau, to, rate, kp=own_kp, kd=own_kd), tau + own_kp * (to - place) + own_kd * (rate - pace)),
+        (Command(-200.0 * tau, None, rate), -200.0 * tau),
     ]
-    assert sent.torque(seen) is None  # type: ignore[arg-type]
-    torques = [np.clip(torque, [-1e3, -12.0], [1e3, 12.0]) for _, torque in told]
+    assert estimator.torque(seen) is None
+    torques = [np.clip(torque, robot.torque_lower, robot.torque_upper) for _, torque in told]
     for i, (command, _) in enumerate(told):
-        sent.sent(command)
+        estimator.sent(command)
         acted = torques[0] if i < 2 else 0.5 * (torques[i - 1] + torques[i - 2])
-        np.testing.assert_allclose(sent.torque(seen), acted, atol=1e-12)  # type: ignore[arg-type]
-    assert any(abs(torque[1]) > 12.0 for _, torque in told)
-    sent.reset()
-    assert sent.torque(seen) is None  # type: ignore[arg-type]
+        np.testing.assert_allclose(estimator.torque(seen), acted, atol=1e-12)
+    assert (torques[-1] != told[-1][1]).any()
+    estimator.reset()
+    assert estimator.torque(seen) is None
 
 
 def carried(right: float, rise: float = 0.0) -> tuple[Robot, np.ndarray, np.ndarray]:

@@ -140,8 +140,7 @@ class Sensing:
     def _estimator(self) -> WrenchEstimator:
         """Return the estimator of wrenches, which is made when it is needed first."""
         if self.wrenches is None:
-            s = self.observer.settings
-            self.wrenches = WrenchEstimator(self._robot, self._dt, s.wrenches, delay=s.delay)
+            self.wrenches = WrenchEstimator(self._robot, self._dt, delay=self.observer.settings.delay)
         return self.wrenches
 
     def sent(self, command: Command, acceleration: Array | None) -> None:

@@ -35,7 +35,6 @@ from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.rest import FeetAtRest, RestDetector
 from wbc.core.estimation.sinking import Sinking
-from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.frames import heading, net_wrench
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS, Measurement
@@ -71,7 +70,6 @@ class ObserverSettings:
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.
         command_delay: Time from a command to its effect, s.
-        wrenches: Estimate of the wrenches of feet without force sensors.
         outside: Estimate of the wrench that the surroundings put on the robot besides the ground; None for none.
     """
 
@@ -85,7 +83,6 @@ class ObserverSettings:
     reference_time_constant: Annotated[NonNegative, "s"] = 0.1
     measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
-    wrenches: WrenchSettings = field(default_factory=WrenchSettings)
     outside: OutsideSettings | None = None
 
     @property

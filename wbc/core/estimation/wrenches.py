@@ -23,13 +23,15 @@ import pinocchio as pin
 from scipy.linalg.lapack import dposv
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import NonNegative, Period, Positive, Share, settings
+from wbc.base.settings import NonNegative, Period
 from wbc.core.estimation.momentum import LIFT_OFF, TOUCH_DOWN, MomentumResidual
 from wbc.core.frames import frame_jacobian
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.signals import Command, Measurement, WrenchSource
+
+BANDWIDTH = 80.0
+"""Bandwidth of the momentum observer, rad/s."""
 
 ON_TIME = 0.01
 """Share of a control period by which a measurement may come early or late and still count as one period apart."""
@@ -46,77 +48,12 @@ WRENCH_STD = 3.0
 makes of errors."""
 
 
-@settings
-class WrenchSettings:
-    """Settings of the estimate of contact wrenches.
-
-    Attributes:
-        bandwidth: Bandwidth of the momentum observer, rad/s.
-        touch_down: Normal force from which a foot in the air has met the ground, as a share of the weight.
-        lift_off: Normal force below which a foot on the ground has left it, as a share of the weight.
-    """
-
-    bandwidth: Annotated[Positive, "rad/s"] = 80.0
-    touch_down: Share = TOUCH_DOWN
-    lift_off: Share = LIFT_OFF
-
-    def __post_init__(self) -> None:
-        if self.lift_off > self.touch_down:
-            raise InputError(
-                f"lift_off must not exceed touch_down, got {self.lift_off:g} and {self.touch_down:g}"
-            )
-
-
-class SentCommands:
-    """The last commands, for the torque that acted when a measurement was made."""
-
-    def __init__(
-        self, gains: tuple[Array, Array] | None, limits: tuple[Array, Array], dt: float, delay: float
-    ) -> None:
-        """Start without any command, with the least and the greatest torques, each of shape (na,), Nm.
-
-        Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
-        those of measurement and command, s.
-        """
-        whole = int(delay / dt + ROUNDING)
-        self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
-        self._commands: deque[Command] = deque(maxlen=whole + 2)
-        none = np.zeros_like(limits[0])
-        self._own = (none, none) if gains is None else gains
-        self._limits = limits
-
-    def reset(self) -> None:
-        """Forget the commands."""
-        self._commands.clear()
-
-    def sent(self, command: Command) -> None:
-        """Take over the command that is sent now."""
-        self._commands.append(command.copy())
-
-    def torque(self, measurement: Measurement) -> Array | None:
-        """Return the mean torque in the period before a measurement, shape (na,), Nm; None before there is one."""
-        commands = self._commands
-        if not commands:
-            return None
-        if len(commands) < (commands.maxlen or 0):
-            return self._applied(commands[0], measurement)
-        torque = (1.0 - self._part) * self._applied(commands[1], measurement)
-        if self._part > 0.0:
-            torque += self._part * self._applied(commands[0], measurement)
-        return torque
-
-    def _applied(self, command: Command, measurement: Measurement) -> Array:
-        torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
-        return np.asarray(np.clip(torque, *self._limits))
-
-
 class WrenchEstimator:
     """Estimator of the wrench on each sole.
 
     The torques of the joints are those that drives report, or else those of the commands (`sent`).
 
     Attributes:
-        settings: Its `WrenchSettings`.
         source: Origin of the torques of the last measurement that was observed.
         contact: True for each foot that is on the ground, by its own leg's joints.
         wrench: Wrenches of the ground on the soles, [force; moment] in the sole frame at the sole centre, shape
@@ -129,7 +66,6 @@ class WrenchEstimator:
         self,
         robot: Robot,
         dt: Period,
-        settings: WrenchSettings | None = None,
         *,
         gains: tuple[Array, Array] | None = None,
         delay: Annotated[NonNegative, "s"] = 0.0,
@@ -139,12 +75,15 @@ class WrenchEstimator:
         dt is the control period, s. Gains are kp and kd for commands that bring none, each of shape (na,), those of the
         robot's servos, or zero, when None. The delay is the sum of those of measurement and command, s.
         """
-        self.settings = s = settings or WrenchSettings()
         self._model, self._data = robot.model, robot.model.createData()
         if gains is None and robot.servos is not None:
             gains = robot.servos.kp, robot.servos.kd
-        self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), dt, delay)
-        self._dt = dt
+        none = np.zeros(robot.na)
+        self._dt, self._own = dt, (none, none) if gains is None else gains
+        self._limits = robot.torque_lower, robot.torque_upper
+        whole = int(delay / dt + ROUNDING)
+        self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
+        self._commands: deque[Command] = deque(maxlen=whole + 2)
         self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         n, nv = len(self._frames), robot.nv
@@ -160,14 +99,14 @@ class WrenchEstimator:
         expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
         self._prior = np.diag(np.tile(1.0 / expected**2, n))
         self._jacobian = np.zeros((6 * n, nv))
-        self._residual = MomentumResidual(nv, s.bandwidth)
+        self._residual = MomentumResidual(nv, BANDWIDTH)
         self.wrench, self.outside = np.zeros((n, 6)), np.zeros(nv)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: the robot stands still on all soles."""
         self._residual.reset()
-        self._sent.reset()
+        self._commands.clear()
         self.source: WrenchSource = "commanded torques"
         self._time = math.nan  # of the last measurement with torques, s
         self.contact = [True] * len(self._frames)
@@ -176,12 +115,28 @@ class WrenchEstimator:
 
     def sent(self, command: Command) -> None:
         """Take over the command that is sent now."""
-        self._sent.sent(command)
+        self._commands.append(command.copy())
 
     def torque(self, measurement: Measurement) -> Array | None:
-        """Return the torques that led to a measurement, shape (na,), Nm; None before there are any."""
-        measured = measurement.joint_torque
-        return self._sent.torque(measurement) if measured is None else measured
+        """Return the torques that led to a measurement, shape (na,), Nm; None before there are any.
+
+        Of commands it is the mean in the period before the measurement.
+        """
+        commands = self._commands
+        if measurement.joint_torque is not None:
+            return measurement.joint_torque
+        if not commands:
+            return None
+        if len(commands) < (commands.maxlen or 0):
+            return self._applied(commands[0], measurement)
+        torque = (1.0 - self._part) * self._applied(commands[1], measurement)
+        if self._part > 0.0:
+            torque += self._part * self._applied(commands[0], measurement)
+        return torque
+
+    def _applied(self, command: Command, measurement: Measurement) -> Array:
+        torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
+        return np.asarray(np.clip(torque, *self._limits))
 
     def fill(self, measurement: Measurement) -> Measurement:
         """Return a measurement with the wrenches as they are estimated at present."""
@@ -259,9 +214,9 @@ class WrenchEstimator:
 
     def _touch(self, normal: Sequence[float], lifts: Sequence[bool]) -> None:
         """Find the feet on the ground by the normal forces that their legs tell, N."""
-        s, weight = self.settings, self._robot.mass * GRAVITY
+        weight = self._robot.mass * GRAVITY
         for i, force in enumerate(normal):
-            loaded = force / weight > (s.lift_off if self.contact[i] else s.touch_down)
+            loaded = force / weight > (LIFT_OFF if self.contact[i] else TOUCH_DOWN)
             self.contact[i] = loaded and not (lifts and lifts[i])
 
     def _solve(self, matrix: Array, residual: Array) -> Array:
