@@ -43,47 +43,6 @@ class OutsideSettings:
     least_load: Share = 0.8
 
 
-class _Tare:
-    """Wrench of empty hands: a mean over some time.
-
-    Attributes:
-        value: The wrench, [force; moment] in the heading of the base, shape (6,), N and Nm.
-    """
-
-    def __init__(self, settings: OutsideSettings) -> None:
-        """Begin without a wrench."""
-        self._settings, self.value = settings, np.zeros(6)
-        self.begin(empty=False)
-
-    def begin(self, *, empty: bool) -> None:
-        """Average anew; hands that are known to be `empty` may seem to bear anything."""
-        self._sum, self._time, self._empty = np.zeros(6), 0.0, empty
-
-    @property
-    def ready(self) -> bool:
-        """True when the mean has been taken."""
-        return self._time >= self._settings.tare
-
-    def explain(self, wrench: Array) -> None:
-        """Take a wrench, which the model accounts for now, off what has been averaged."""
-        self._sum -= self._time * wrench
-
-    def add(self, wrench: Array, weight: float, dt: float) -> None:
-        """Average a wrench over dt, s, and take the mean over when there is enough, but not of hands that bear."""
-        self._sum += dt * wrench
-        self._time += dt
-        if not self.ready:
-            return
-        mean = self._sum / self._time
-        borne = -float(mean[2])
-        if self._empty or abs(borne) <= self._settings.largest * weight:
-            self.value = mean
-            return
-        self.value = np.zeros(6)
-        what = "the hands bear" if borne > 0.0 else "the robot is held by"
-        logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
-
-
 class OutsideWrench:
     """Observer of the outside wrench of one robot: what the surroundings do to it besides the ground under its feet.
 
@@ -118,27 +77,26 @@ class OutsideWrench:
 
     def reset(self) -> None:
         """Forget everything, the tare too."""
-        self.wrench = np.zeros(6)
-        self._tare = _Tare(self.settings)
+        self.wrench, self.tare = np.zeros(6), read_only(np.zeros(6))
+        self._begin_tare(empty=False)
         self._residual.reset()
         self._loaded = [True] * len(self._soles)
         self._time, self._waits = 0.0, 0.0
 
-    @property
-    def tare(self) -> Array:
-        """See the attributes of the class."""
-        return read_only(self._tare.value)
+    def _begin_tare(self, *, empty: bool) -> None:
+        """Average anew; hands that are known to be `empty` may seem to bear anything."""
+        self._sum, self._averaged, self._empty = np.zeros(6), 0.0, empty
 
     @property
     def ready(self) -> bool:
         """True when the tare has been taken."""
-        return self._tare.ready
+        return self._averaged >= self.settings.tare
 
     def take_tare(self) -> None:
         """Take the tare anew from now on: the hands are empty, and `wrench` is zero until it is taken."""
         self.wrench = np.zeros(6)
         self._time = self.settings.settling
-        self._tare.begin(empty=True)
+        self._begin_tare(empty=True)
 
     def explain(self, wrench: Vector) -> None:
         """Take a wrench off the estimate, [force; moment about the CoM] in the world, that the model accounts for now.
@@ -152,7 +110,7 @@ class OutsideWrench:
         if self.ready:
             self.wrench = self.wrench - taken
         else:
-            self._tare.explain(_turned(taken, self._ahead.conjugate()))
+            self._sum -= self._averaged * _turned(taken, self._ahead.conjugate())
 
     def update(self, wrenches: Array, dt: float) -> None:
         """Take in measured wrenches on the soles, shape (soles, 6), after dt, s; `wrench` is then a new array.
@@ -172,9 +130,23 @@ class OutsideWrench:
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         self._residual.update(momentum, known, dt)
         if self.ready:
-            self.wrench = self._residual.value - _turned(self._tare.value, self._ahead)
+            self.wrench = self._residual.value - _turned(self.tare, self._ahead)
         elif self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
-            self._tare.add(_turned(self._residual.value, self._ahead.conjugate()), weight, dt)
+            self._average(_turned(self._residual.value, self._ahead.conjugate()), weight, dt)
+
+    def _average(self, wrench: Array, weight: float, dt: float) -> None:
+        """Average a wrench over dt, s; the mean is the tare when there is enough, but not of hands that bear."""
+        self._sum += dt * wrench
+        self._averaged += dt
+        if not self.ready:
+            return
+        mean = self._sum / self._averaged
+        borne = -float(mean[2])
+        if not self._empty and abs(borne) > self.settings.largest * weight:
+            what = "the hands bear" if borne > 0.0 else "the robot is held by"
+            logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
+            mean = np.zeros(6)
+        self.tare = read_only(mean)
 
     @property
     def _ahead(self) -> complex:
