@@ -13,7 +13,7 @@ from at_rest import at_rest, observed
 
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.checks.consistency import ConsistencyMonitor
-from wbc.core.estimation.checks.integrals import time_ratio
+from wbc.core.estimation.checks.integrals import IntegralComparison
 from wbc.core.estimation.checks.legs import LegComparison
 from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.inertial import Correction, InertialFilter, InertialSettings
@@ -137,18 +137,29 @@ def test_readings_that_stay_the_same_for_twenty_ticks_are_frozen_and_six_are_nam
 
 
 def test_a_machines_own_time_is_the_slope_of_its_motions_if_all_joints_agree() -> None:
-    """By least squares, with a cosine of 0.95 at least."""
-    expected = np.array([0.3, -0.2, 0.5, 0.1])
-    assert time_ratio(0.7 * expected, expected) == pytest.approx(0.7)
-    across = np.array([0.2, 0.3, 0.0, 0.0])
+    """By least squares, with a cosine of 0.95 and a way of 20 mrad in all joints at least; a gap does not count."""
+    rng = np.random.default_rng(0)
+    expected = rng.normal(size=ROBOT.na)
+
+    def pace(moved: np.ndarray, expected: np.ndarray, then: float = 0.0) -> float:
+        comparison = IntegralComparison(ROBOT, DT)
+        for tick in range(12):
+            comparison.update(np.concatenate((0.1 * tick * moved, expected / (10.0 * DT))), None, DT)
+        for tick in range(12):  # after a gap, in which joints have gone elsewhere
+            comparison.update(np.concatenate((moved + then, 0.0 * moved)), None, 0.0 if tick else 2.0)
+        return comparison.pace
+
+    for ratio in (0.5, 0.8, 1.4):
+        assert pace(ratio * expected, expected, 5.0) == pytest.approx(ratio)
+    across = rng.normal(size=ROBOT.na)
+    across -= (across @ expected) / (expected @ expected) * expected
     across *= np.linalg.norm(expected) / np.linalg.norm(across)
     for cosine, agrees in ((0.96, True), (0.94, False)):
         moved = 0.7 * expected + 0.7 * math.tan(math.acos(cosine)) * across
-        ratio = time_ratio(moved, expected)
-        assert (ratio is not None) == agrees
-        if ratio is not None:
-            assert ratio == pytest.approx(0.7)
-    assert time_ratio(expected, np.zeros(4)) is None and time_ratio(-expected, expected) is None
+        assert pace(moved, expected) == pytest.approx(0.7 if agrees else 1.0)
+    for length, told in ((0.019, False), (0.021, True)):
+        short = length / 0.975 / np.linalg.norm(expected) * expected  # of which a part is forgotten
+        assert pace(0.7 * short, short) == pytest.approx(0.7 if told else 1.0)
 
 
 # ---- feet -----------------------------------------------------------------------------------------------------------

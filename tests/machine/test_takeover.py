@@ -26,7 +26,7 @@ from wbc import Command, HybridControl, Measurement, TorqueControl
 from wbc.core.robot import GRAVITY
 from wbc.machine import Runner, RunSettings
 from wbc.machine.commands import mixed
-from wbc.machine.inlet import Inlet, TimeRatio
+from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.stand import Stand, standing
@@ -461,27 +461,6 @@ def test_a_start_carries_the_pull_of_springs_beside_the_drives() -> None:
     expected[index] = stiffness * (G1.robot().half_sitting[7 + index] - rest)
     assert abs(expected[index]) > 1.0
     np.testing.assert_allclose(carried[1] - carried[0], expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("ratio", [0.5, 0.8, 1.4])
-def test_the_ratio_of_times_is_that_of_the_ways_of_all_joints(ratio: float) -> None:
-    robot, rates = G1.robot(), np.random.default_rng(2).normal(size=G1.robot().na)
-
-    def measured(time: float, way: float, scale: float = 1.0) -> Measurement:
-        rest = at_rest(robot, time)
-        position = rest.joint_position + way * rates
-        return replace(rest, joint_position=position, joint_velocity=scale * rates)
-
-    pace = TimeRatio()
-    for tick in range(30):
-        pace.update(measured(3.0 + 0.004 * tick, 0.004 * ratio * tick))
-    assert pace.ratio == pytest.approx(ratio)
-    for tick in range(60):  # a gap, in which the joints have gone elsewhere, and then rest
-        pace.update(measured(9.0 + 0.004 * tick, 5.0, scale=0.0))
-    assert pace.ratio == pytest.approx(ratio)
-    for tick in range(60):  # each joint as it likes: no ratio
-        pace.update(replace(measured(9.3 + 0.004 * tick, 0.004 * tick), joint_velocity=rates[::-1]))
-    assert pace.ratio == pytest.approx(ratio)
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.base.errors import MeasurementError
-from wbc.core.estimation.checks.integrals import time_ratio
+from wbc.core.estimation.checks.integrals import IntegralComparison
 from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.robot import Robot
 from wbc.core.signals import SIGNALS, Measurement
@@ -20,41 +20,6 @@ logger = logging.getLogger(__name__)
 STILL = 3
 """Number of new measurements in a row with the same time stamp after which the stamp is taken for no clock: fewer than
 for `Stamps` in a control, since those before are not used here, while a control counts them at once."""
-
-STRETCH, MOVED = 0.1, 0.02
-"""Time over which motions by encoders and by velocities are compared, s, and least length of one that counts, rad."""
-
-
-class TimeRatio:
-    """Ratio of a machine's own time to that of its stamps, from the motion of all joints between two stamps.
-
-    A simulator on a busy computer that sends no clock runs slower than the time of arrival: its joints then move less
-    than their velocities say, all by the same ratio.
-
-    Attributes:
-        ratio: The ratio; 1 before there was a motion that shows it.
-    """
-
-    def __init__(self) -> None:
-        """Start without a motion."""
-        self.ratio = 1.0
-        self._begin: Measurement | None = None
-        self._last: Measurement | None = None
-
-    def update(self, measurement: Measurement) -> None:
-        """Take the next measurement."""
-        begin, last, self._last = self._begin, self._last, measurement
-        if begin is None or last is None or not 0.0 <= measurement.time - last.time < STRETCH:
-            self._begin, self._expected = measurement, np.zeros_like(measurement.joint_position)
-            return
-        passed = measurement.time - last.time
-        self._expected += (0.5 * passed) * (measurement.joint_velocity + last.joint_velocity)
-        if measurement.time - begin.time < STRETCH:
-            return
-        if float(np.linalg.norm(self._expected)) > MOVED:
-            ratio = time_ratio(measurement.joint_position - begin.joint_position, self._expected)
-            self.ratio = self.ratio if ratio is None else ratio
-        self._begin, self._expected = measurement, np.zeros_like(self._expected)
 
 
 class Inlet:
@@ -69,7 +34,6 @@ class Inlet:
         good: The last measurement that can be used, impossible readings replaced; None before there is one.
         refused: Reason why the last one cannot be used; empty when it can.
         since: Time from which on they have been refused, s; infinite while they are not.
-        pace: Ratio of the machine's own time to that of its stamps.
     """
 
     def __init__(self, robot: Robot, period: float) -> None:
@@ -81,7 +45,15 @@ class Inlet:
         self.stamped, self.refused, self.since = True, "", math.inf
         self.raw: Any = None
         self.good: Measurement | None = None
-        self.pace = TimeRatio()
+        self._integrals = IntegralComparison(robot, period)
+
+    @property
+    def pace(self) -> float:
+        """Ratio of the machine's own time to that of its stamps.
+
+        A simulator on a busy computer that sends no clock runs slower than the time of arrival.
+        """
+        return self._integrals.pace
 
     def forget(self) -> None:
         """Take the next measurement as the first one, whatever time has passed."""
@@ -108,8 +80,9 @@ class Inlet:
         if not check:
             return True
         try:
-            self.good = self._checked(measurement)
-            self.pace.update(self.good)
+            before, self.good = self.good, self._checked(measurement)
+            passed = 0.0 if before is None else self.good.time - before.time
+            self._integrals.update(self._plausible.values, None, passed)
             self.refused, self.since = "", math.inf
         except MeasurementError as error:
             self.refused, self.since = str(error), min(self.since, now)

@@ -219,9 +219,9 @@ class Phases:
         away = float(np.abs(measurement.joint_position - self._robot.half_sitting[7:]).max())
         # Let down too early it is better balanced from where it is than held by servos too soft to stand on.
         ready = arrived or (elapsed > settings.fade and away < NEAR and self._stand is not None)
-        if ready and self._inlet.pace.ratio < REAL_TIME:
+        if ready and self._inlet.pace < REAL_TIME:
             if not self.slow:
-                self.slow = f"the machine runs at {self._inlet.pace.ratio:.1f} of real time"
+                self.slow = f"the machine runs at {self._inlet.pace:.1f} of real time"
                 logger.error("%s: it hangs until it keeps up", self.slow)
             return command
         self.slow = ""

@@ -54,13 +54,8 @@ From its inverse on it runs faster.
 AGREEMENT = 0.95
 """Cosine between the two from which on all joints agree on another time."""
 
-
-def time_ratio(moved: Array, expected: Array) -> float | None:
-    """Return the ratio of motions by encoders to those by joint velocities, shape (na,); None if joints disagree."""
-    cross, square, own = float(moved @ expected), float(expected @ expected), float(moved @ moved)
-    if square == 0.0 or cross < AGREEMENT * math.sqrt(square * own):
-        return None
-    return cross / square
+MOVED = 0.02
+"""Least length of a motion of all joints that tells this time, rad."""
 
 
 class IntegralComparison:
@@ -138,10 +133,16 @@ class IntegralComparison:
         self._drifting = np.where(far, self._drifting + time, 0.0)
         named = (self._drifting >= DRIFTING).nonzero()[0]
         self.drifts = [f"velocity of {self._names[i]} contradicts its encoder" for i in named[:4]]
-        ratio = time_ratio(moved, expected) if named.size else None
-        # All joints may agree on another time.
-        if ratio is not None and not REAL_TIME <= ratio <= 1.0 / REAL_TIME:
-            self.drifts = [f"the machine runs at {ratio:.1f} of real time"]
+        if named.size and not REAL_TIME <= (pace := self.pace) <= 1.0 / REAL_TIME:
+            self.drifts = [f"the machine runs at {pace:.1f} of real time"]
+
+    @property
+    def pace(self) -> float:
+        """Ratio of the joints' motions by encoders to those by velocities, in which all agree; 1 if they do not."""
+        moved, expected = self._moved, self._expected
+        cross, square, own = float(moved @ expected), float(expected @ expected), float(moved @ moved)
+        told = square > MOVED**2 and cross >= AGREEMENT * math.sqrt(square * own)
+        return cross / square if told else 1.0
 
     def _compare_base(self, velocity: Array) -> None:
         """Compare the integral of the commanded accelerations with the velocity of the base."""
