@@ -21,16 +21,16 @@ from made_policies import (
     write_network,
     write_standing,
 )
+from properties import by_default
 
 import wbc
 from wbc.app import Log, Recorder
 from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError, WbcError
-from wbc.policy import FootContacts, PolicyControl, PolicyGuard, Term
+from wbc.policy import PolicyControl, PolicyGuard, Term
 from wbc.sim import WalkSpec
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.contact import GaitPhase
 
 pytest.importorskip("onnxruntime")
 
@@ -106,7 +106,7 @@ def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:
     assert policy.velocity is None
 
 
-@pytest.mark.parametrize("guarded", [False, True])
+@pytest.mark.parametrize("guarded", by_default([False, True], True))
 def test_an_environment_steers_a_policy(standing: Path, guarded: bool) -> None:
     environment = pytest.importorskip("wbc.sim.environment")
     env = environment.WbcEnv(robot="g1", trained=str(standing), guarded=guarded, noise="none", seconds=0.5)
@@ -118,7 +118,7 @@ def test_an_environment_steers_a_policy(standing: Path, guarded: bool) -> None:
         environment.WbcEnv("stand", robot="g1", trained=str(standing))
 
 
-@pytest.mark.parametrize("guarded", [False, True])
+@pytest.mark.parametrize("guarded", by_default([False, True], True))
 def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(guarded: bool, tmp_path: Path) -> None:
     """Its network stands; what it sees of the floor is level, once the camera has seen it."""
     n, points = len(G1.joint_names), 17 * 11
@@ -136,26 +136,10 @@ def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(guarded: bool, 
     assert trial.run().outcome == "completed"
     policy = trial.control.policy if guarded else trial.control
     assert not guarded or trial.control.walking.ground is policy.ground
-    seen = policy._period.observation.values
+    seen = policy._period.observation
     height = policy.drives.observer.robot.placement("pelvis").translation[2]
     assert policy.ground.version > 0 and len(seen) == points
     np.testing.assert_allclose(seen, height - 0.5, atol=0.01)
-
-
-def test_steps_of_a_policy_are_counted_by_the_loads_of_its_feet() -> None:
-    contacts = FootContacts(G1.robot(), DT)
-    weight = G1.robot().mass * 9.81
-    assert contacts.progress.phase is GaitPhase.STANDING
-    for _ in range(3):  # left, right, left swing for 0.4 s each; the right one bounces in between
-        for loads, seconds in (((0.0, weight), 0.4), ((0.5 * weight, 0.5 * weight), 0.05)):
-            for _ in ticks(seconds):
-                contacts.update(loads)
-    assert contacts.steps_done == 3 and contacts.progress.phase is GaitPhase.DOUBLE
-    for _ in ticks(0.04):  # thrown off the ground for 0.04 s
-        contacts.update((weight, 0.0))
-    assert contacts.progress.swing == 1 and contacts.air == pytest.approx([0.0, 0.04])
-    contacts.update((0.5 * weight, 0.5 * weight))
-    assert contacts.steps_done == 3 and contacts.landed[1] == pytest.approx(DT)
 
 
 @pytest.mark.parametrize(

@@ -138,9 +138,7 @@ def test_a_network_holds_a_motion_as_one_body_or_as_several(several: bool, tmp_p
             np.testing.assert_allclose(frame.anchor.translation, places[k, 1], atol=1e-6)
             rotation = pin.Quaternion(quaternions[k, 1]).matrix()
             np.testing.assert_allclose(frame.anchor.rotation, rotation, atol=1e-6)
-            np.testing.assert_allclose(
-                policy._period.observation.values[:N], table["joint_pos"][k], atol=1e-6
-            )
+            np.testing.assert_allclose(policy._period.observation[:N], table["joint_pos"][k], atol=1e-6)
     del table["joint_vel"]
     with pytest.raises(InputError, match="joint_vel"):
         OnnxNetwork(write_tracker(tmp_path / "half.onnx", table, 3 * N + 6))

@@ -133,7 +133,14 @@ class PolicyControl(SteeredControl):
         """
         if arms and filter is not None:
             raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
-        self.network, self.description = network, description = _described(policy, description)
+        if isinstance(policy, Network):
+            self.network = policy
+            if description is None:
+                raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
+        else:
+            self.network = network = OnnxNetwork(policy)
+            description = description or PolicyDescription.of(policy, network.metadata)
+        self.description = description
         self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.contacts, self.ground = FootContacts(robot, dt), ground
@@ -157,11 +164,11 @@ class PolicyControl(SteeredControl):
             velocity=velocity,
             action=action,
             command=self._steering.command,
-            phase=self._steering.clock.phase,
+            phase=self._steering.phase,
             motion=self._tracked(clip),
             ground=self._scanned(ground),
         )
-        self._period = PolicyPeriod(network, description, self.observed, dt, longest)
+        self._period = PolicyPeriod(self.network, description, self.observed, dt, longest)
         for doubt in self.doubts():
             logger.warning("policy: %s", doubt)
         self._begin_policy()
@@ -358,15 +365,3 @@ class PolicyControl(SteeredControl):
             return status
         said = f"arms {arms.otherwise}: {arms.failure}" if arms.failure else arms.remark
         return said if status == "ok" else f"{said}; {status}"
-
-
-def _described(
-    policy: str | Path | Network, description: PolicyDescription | None
-) -> tuple[Network, PolicyDescription]:
-    """Return the network of a file, or one of the user's own, and its description."""
-    if not isinstance(policy, (str, Path)):
-        if description is None:
-            raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
-        return policy, description
-    network = OnnxNetwork(policy)
-    return network, description or PolicyDescription.of(policy, network.metadata)

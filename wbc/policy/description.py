@@ -24,6 +24,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown, shown_path, unknown_name
 from wbc.base.files import read_toml
 from wbc.base.settings import Count, NonNegative, Number, Period, Positive, from_json, settings
+from wbc.policy.network import OnnxNetwork
 from wbc.policy.references import HeightScan
 from wbc.policy.terms import TERMS
 
@@ -153,11 +154,7 @@ class PolicyDescription:
             InputError: A file that cannot be read; a description with a value that cannot be, or without one that is
                 needed.
         """
-        if metadata is None:
-            from wbc.policy.network import OnnxNetwork  # noqa: PLC0415 - an extra
-
-            metadata = OnnxNetwork(file).metadata
-        values = _from_metadata(metadata)
+        values = _from_metadata(OnnxNetwork(file).metadata if metadata is None else metadata)
         beside = Path(file).with_suffix(".toml")
         if beside.is_file():
             given = read_toml(beside)

@@ -10,8 +10,7 @@ from wbc.base.errors import InputError, WbcError
 from wbc.base.numbers import ROUNDING
 from wbc.policy.description import PolicyDescription
 from wbc.policy.network import Network
-from wbc.policy.observation import Observation
-from wbc.policy.terms import Observed
+from wbc.policy.terms import TERMS, Observed
 
 
 class PolicyError(WbcError):
@@ -22,7 +21,8 @@ class PolicyPeriod:
     """Period of a policy, of a whole number of ticks of the control; its network acts in the first tick.
 
     Attributes:
-        observation: Observation of the policy.
+        observation: What the network saw last, shape (width,): the terms of its description one after another, bounded
+            and scaled, each with those of the periods before.
     """
 
     def __init__(
@@ -42,15 +42,33 @@ class PolicyPeriod:
                 f"the period of the policy, {about.period:g} s, must be a multiple of the control period, "
                 f"{dt:g} s"
             )
-        self.observation = Observation(about.observation, observed, network.inputs)
+        sizes = [TERMS[term.name](observed).size for term in about.observation]
+        for term, size in zip(about.observation, sizes, strict=True):
+            if isinstance(term.scale, tuple) and len(term.scale) != size:
+                raise InputError(
+                    f"scale of the term '{term.name}' must have {size} values, got {len(term.scale)}"
+                )
+        width = sum(size * term.history for size, term in zip(sizes, about.observation, strict=True))
+        if width != network.inputs:  # before room is made: a history may be long
+            named = ", ".join(
+                f"{term.name} {size}" + (f" x {term.history}" if term.history > 1 else "")
+                for term, size in zip(about.observation, sizes, strict=True)
+            )
+            raise InputError(
+                f"the network has observations of {network.inputs} values, and the description of {width}: {named}"
+            )
+        self.observation, self._terms, stop = np.zeros(width, np.float32), [], 0
+        for term, size in zip(about.observation, sizes, strict=True):
+            start, stop = stop, stop + size * term.history
+            part = self.observation[start:stop].reshape(-1, size)
+            self._terms.append((part, TERMS[term.name], np.asarray(term.scale), term.clip))
         self._network, self._observed = network, observed
         self._longest, self._most = longest, about.action_clip
         self.begin()
 
     def begin(self) -> None:
         """Begin anew with the next tick: nothing has been seen, and the last action is zero."""
-        self._ticks = 0
-        self.observation.reset()
+        self._ticks, self._fresh = 0, True
         self._observed.action[:] = 0.0
         if self._observed.motion is not None:
             self._observed.motion.begin()
@@ -71,8 +89,9 @@ class PolicyPeriod:
         if motion is not None:
             step = motion.step
             motion.tick()
-        observation, start = self.observation.take(), perf_counter()
-        action = np.asarray(self._network.act(observation, step))
+        self._observe()
+        start = perf_counter()
+        action = np.asarray(self._network.act(self.observation.copy(), step))
         if self._longest is not None and (took := perf_counter() - start) > self._longest:
             raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self._longest:g} ms")
         if action.shape != (wanted := self._observed.action.shape):
@@ -80,3 +99,14 @@ class PolicyPeriod:
         if not np.isfinite(action).all():
             raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
         np.clip(action, -self._most, self._most, out=self._observed.action)
+
+    def _observe(self) -> None:
+        """Read all terms; the first ones fill their whole history."""
+        for part, term, scale, clip in self._terms:
+            values = term(self._observed)
+            if clip is not None:
+                values = np.clip(values, -clip, clip)
+            values = values * scale
+            part[:-1] = values if self._fresh else part[1:]
+            part[-1] = values
+        self._fresh = False

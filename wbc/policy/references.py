@@ -1,4 +1,4 @@
-"""References of a policy beside the state of the robot: clock of its gait, motion that it tracks, ground about it."""
+"""References of a policy beside the state of the robot: motion that it tracks, ground about it."""
 
 from __future__ import annotations
 
@@ -18,39 +18,8 @@ from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
 
-STANDING = (math.pi, math.pi)
-"""Phases of the feet of a robot that stands, rad."""
-
 MOST_POINTS = 100_000
 """Most points of a height scan: the scans of walking policies have some hundreds."""
-
-
-class GaitClock:
-    """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand.
-
-    Attributes:
-        phase: Phases of the left and the right foot, from −π to π, shape (2,), rad; the same array always.
-    """
-
-    def __init__(self, period: float | None, dt: float) -> None:
-        """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
-        self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
-        self._stood, self.phase = True, np.array(STANDING)
-
-    def begin(self) -> Array:
-        """Begin anew with a robot that stands; return the phases."""
-        return self.tick(stands=True)
-
-    def tick(self, stands: bool) -> Array:
-        """Return the phases one period of the policy later; `stands` is true while no velocity is asked for."""
-        if stands:
-            self.phase[:] = STANDING
-        elif self._stood:
-            self.phase[:] = 0.0, math.pi
-        else:
-            self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
-        self._stood = stands
-        return self.phase
 
 
 class ClipFrame(NamedTuple):

@@ -10,7 +10,6 @@ import numpy as np
 from wbc.core.frames import heading
 from wbc.core.robot import Robot
 from wbc.policy.description import PolicyDescription
-from wbc.policy.references import GaitClock
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 
 MOST_LACK = 0.5
@@ -22,6 +21,9 @@ STILL = 0.01
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
 
+STANDING = (math.pi, math.pi)
+"""Phases of the feet of a robot that stands, rad."""
+
 
 class Steering:
     """Velocity that a policy is asked for, within the range that it is made for.
@@ -29,7 +31,8 @@ class Steering:
     Attributes:
         command: Velocity that the policy is asked for, with what the robot lacks of it: ahead and aside, m/s, and turn,
             rad/s, shape (3,).
-        clock: Clock of the gait, which rests in a stand.
+        phase: Phases of the left and the right foot by the clock of the gait, from −π to π, shape (2,), rad. They are
+            half a period apart, and rest in a stand; without a clock they do not go on.
         limits: Largest velocities that the policy is made for, aside and in turns to either side.
     """
 
@@ -39,9 +42,11 @@ class Steering:
         slowest = -fastest if description.slowest is None else np.array(description.slowest)
         (back, *right), (forward, *left) = np.abs(slowest).tolist(), fastest.tolist()
         self.limits = VelocityLimits(forward, back, *map(min, right, left))
-        self.clock = GaitClock(description.phase, description.period)
+        clock = description.phase
+        self._step = 0.0 if clock is None else 2.0 * math.pi * description.period / clock
         self._range, self._gain = (slowest, fastest), description.period * regain
         self.command, self._asked, self._lack = np.zeros(3), np.zeros(3), np.zeros(2)
+        self.phase = np.array(STANDING)
         self.velocity = None
         self.begin()
 
@@ -50,7 +55,7 @@ class Steering:
         self._rested = 0.0  # time for which a stand has been asked for, s
         self._lack[:] = 0.0  # velocity that is asked for as well, m/s
         self.command[:] = self._asked
-        self.clock.begin()
+        self._stood, self.phase[:] = True, STANDING
 
     @property
     def velocity(self) -> Velocity | None:
@@ -91,4 +96,10 @@ class Steering:
             self.command[:2] = ahead + self._lack
             self.command[:2][self.command[:2] * ahead < 0.0] = 0.0
             np.clip(self.command, *self._range, out=self.command)
-        self.clock.tick(self._stands)
+        if self._stands:
+            self.phase[:] = STANDING
+        elif self._stood:
+            self.phase[:] = 0.0, math.pi
+        else:
+            self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
+        self._stood = self._stands
