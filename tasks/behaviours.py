@@ -16,12 +16,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, check_parts, choose, shown
+from wbc.base.errors import InputError, check_parts, choose, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.control import Control, DriveControl
 from wbc.core.estimation.falls import FallReason
-from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
 from wbc.core.signals import Command, Measurement
 
@@ -30,16 +29,11 @@ logger = logging.getLogger(__name__)
 PATIENCE = 10
 """Ticks in a row without a solution from which the QP counts as infeasible."""
 
-FAULTS = ("infeasible", "stopped", "fall", "error")
-"""Outcomes of any state, whatever it waits for: no solution, a control that has stopped, a fall, an exception in its
-own functions."""
+FAULTS = ("infeasible", "stopped", "fall")
+"""Outcomes of any state, whatever it waits for: no solution, a control that has stopped, a fall."""
 
 END = "end"
 """Target of a transition that ends its machine with the outcome "done"; "end: NAME" ends it with that outcome."""
-
-
-class BehaviourError(WbcError):
-    """An exception in a function of a state, with the path of the state."""
 
 
 class Scope:
@@ -240,86 +234,49 @@ class StateMachine(Behaviour):
     def tick(self, now: Scope) -> None:
         """Run the present state."""
         if self._scope is not None:
-            self._guarded(now, self._scope, self.states[self._name].tick)
+            self.states[self._name].tick(self._scope)
 
     def end(self, now: Scope) -> None:
-        """End the present state; an exception in its `end` is a `BehaviourError`."""
+        """End the present state."""
         scope, self._scope = self._scope, None
-        if scope is None:
-            return
-        try:
+        if scope is not None:
             try:
                 self.states[self._name].end(scope)
             finally:
                 scope.close()
-        except Exception as failure:
-            raise _error(scope, failure) from failure
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome of the machine, or None while it runs; change the state if the present one has ended."""
         if self._late(now):
             return "timeout"
         if self._scope is not None:
-            result = self._guarded(now, self._scope, self.states[self._name].outcome)
+            result = self.states[self._name].outcome(self._scope)
             if result is not None:
-                self._follow(str(result), now, self._scope)
+                now.program.note(self._scope.path, result)
+                self.end(now)
+                goal = self._goal(self._name, result)
+                if goal in self.states:
+                    self._enter(goal, now)
+                else:
+                    self._ended = goal.partition(": ")[2]
         return self._ended
-
-    def _guarded(self, now: Scope, scope: Scope, call: Callable[[Scope], Any]) -> Any:
-        """Call a function of the present state; an exception is the outcome "error" where a transition is for it."""
-        try:
-            return call(scope)
-        except Exception as failure:
-            error = _error(scope, failure)
-            if "error" not in self.transitions[self._name]:
-                raise error from failure
-            logger.error("%s", error)
-            self._follow("error", now, scope)
-            return None
-
-    def _follow(self, outcome: str, now: Scope, scope: Scope) -> None:
-        """Go where an outcome leads: to a state, or to the end of the machine.
-
-        An exception in the `end` of the state is the outcome "error". Where no transition is for it, the machine ends
-        with that outcome, after a `BehaviourError`.
-        """
-        now.program.note(scope.path, outcome)
-        try:
-            self.end(now)
-        except BehaviourError as error:
-            if "error" not in self.transitions[self._name]:
-                self._ended = "error"
-                raise
-            logger.error("%s", error)
-            if outcome != "error":
-                outcome = "error"
-                now.program.note(scope.path, outcome)
-        goal = self._goal(self._name, outcome)
-        if goal in self.states:
-            self._enter(goal, now)
-        else:
-            self._ended = goal.partition(": ")[2]
 
     def _enter(self, name: str, now: Scope) -> None:
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
         logger.info("%s begins at %.3f s", self._scope.path, now.time)
-        self._guarded(now, self._scope, self.states[name].start)
-
-
-def _error(scope: Scope, failure: Exception) -> BehaviourError:
-    """Return an exception in a function of a state with the path of the state; one of a state within has it."""
-    if isinstance(failure, BehaviourError):
-        return failure
-    return BehaviourError(f"state '{scope.path}': {type(failure).__name__}: {failure}")
+        self.states[name].start(self._scope)
 
 
 class Program(Control):
-    """Execution of a state machine: one tick of the machine before each tick of a controller.
+    """Execution of a state machine: one tick of the machine before each tick of a control.
+
+    An exception in a function of a state ends the program with the outcome "error", and is raised with a note that has
+    the path of the state.
 
     Attributes:
         machine: The state machine.
-        control: Control whose ticks follow those of the machine, or a `Controller` that another loop solves.
-        controller: Controller to which states add tasks, contacts and limits; that of the control.
+        control: Control whose ticks follow those of the machine.
+        controller: Controller of that control, to which states add tasks, contacts and limits.
         time: Time since the start, s.
         outcome: Outcome of the machine; None before its end. The control goes on unchanged after the end.
         fault: Fault of this tick, "infeasible", "stopped" or "fall"; None without one.
@@ -327,29 +284,11 @@ class Program(Control):
     """
 
     @checked
-    def __init__(
-        self,
-        machine: StateMachine,
-        control: Control | Controller,
-        *,
-        fallen: Callable[[], bool] | None = None,
-    ) -> None:
-        """Begin with the first tick.
-
-        `control` is a control with drives, such as a `wbc.PositionControl` or a `wbc.WalkingControl`. It can also be a
-        `Controller`, for a loop that calls `tick` and then solves the controller itself. `fallen` is a function that
-        returns True if the robot has fallen; when None, the control is asked.
-        """
-        self._driven: Control | None = None
-        if isinstance(control, Controller):
-            self.controller = control
-        elif control.drives is None:
-            raise InputError(f"a program drives a control with drives, or a Controller, got {shown(control)}")
-        else:
-            self._driven, self.controller = control, control.drives.controller
-        self.machine, self.control = machine, control
-        self._fallen = fallen or (lambda: self.fallen not in (None, FallReason.SOLVER))
-        self._scope: Scope | None = None  # of the machine, from its first tick on
+    def __init__(self, machine: StateMachine, control: Control) -> None:
+        """Begin with the first tick of a control with drives: a `wbc.PositionControl`, a `wbc.WalkingControl`, …."""
+        if control.drives is None:
+            raise InputError(f"a program drives a control with drives, got {shown(control)}")
+        self.machine, self.control, self.controller = machine, control, control.drives.controller
         self._begin()
 
     def _begin(self) -> None:
@@ -357,7 +296,7 @@ class Program(Control):
         self.outcome: str | None = None
         self.fault: str | None = None
         self.history: list[tuple[float, str, str]] = []
-        self._scope = None
+        self._scope: Scope | None = None  # of the machine, from its first tick on
         self._failed, self._down, self._stopped = 0, False, False
 
     @property
@@ -371,36 +310,28 @@ class Program(Control):
         return self.outcome is not None
 
     def command(self, measurement: Measurement) -> Command:
-        """Run one tick of the machine, then one of the control, and return its command.
-
-        An exception in a function of a state leads to its transition for "error", or, without one, to a
-        `BehaviourError`.
-        """
-        if self._driven is None:
-            raise InputError(
-                "a program of a Controller has no commands: call tick(), then solve the controller"
-            )
+        """Run one tick of the machine, then one of the control, and return its command."""
         self.tick()
-        return self._driven.command(measurement)
+        return self.control.command(measurement)
 
     @property
-    def drives(self) -> DriveControl | None:  # type: ignore[override]  # nobody assigns them
-        """Drives of the control; None of a `Controller`."""
-        return None if self._driven is None else self._driven.drives
+    def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns them
+        """Drives of the control."""
+        assert self.control.drives is not None
+        return self.control.drives
 
     @property
     def acting(self) -> Control:
         """Control that makes the commands now; see `Control.acting`."""
-        return self if self._driven is None else self._driven.acting
+        return self.control.acting
 
     def status(self) -> str:
         """Return in one line how the control is; see `Control.status`."""
-        return super().status() if self._driven is None else self._driven.status()
+        return self.control.status()
 
     def see(self, seen: Any) -> None:
         """Hand a cloud of points or a map of the ground on to the control."""
-        if self._driven is not None:
-            self._driven.see(seen)
+        self.control.see(seen)
 
     def reset(self, q: Array | None = None) -> None:
         """Begin anew, once the control has begun from a configuration at rest; the present state ends then.
@@ -408,8 +339,7 @@ class Program(Control):
         The configuration has shape (nq,); half-sitting when None. A control that refuses it, such as a walk that has
         begun, leaves the program as it is.
         """
-        if self._driven is not None:
-            self._driven.reset(q)
+        self.control.reset(q)
         try:
             if self._scope is not None:
                 self.machine.end(self._scope)
@@ -423,25 +353,27 @@ class Program(Control):
         """
         if self.ended:
             return
-        if self._scope is None:
-            if self.path != self.machine.name:
-                raise InputError(
-                    f"a program is in '{self.path}' already: reset that one, or make another machine"
-                )
-            self._scope = Scope(self, self.machine.name)
-            self.machine.start(self._scope)
-        else:
-            self.time += self.controller.dt
-            self.fault = self._fault()
-            self.outcome = self.machine.outcome(self._scope)
-            self.fault = None
-        if self.outcome is None:
-            self.machine.tick(self._scope)
-        else:
-            try:
-                self.machine.end(self._scope)
-            finally:
+        path = self.path
+        if self._scope is None and path != self.machine.name:
+            raise InputError(f"a program is in '{path}' already: reset that one, or make another machine")
+        try:
+            if self._scope is None:
+                self._scope = Scope(self, self.machine.name)
+                self.machine.start(self._scope)
+            else:
+                self.time += self.controller.dt
+                self.fault = self._fault()
+                self.outcome = self.machine.outcome(self._scope)
+                self.fault = None
+            if self.outcome is None:
+                self.machine.tick(self._scope)
+            else:
                 self.note(self.machine.name, self.outcome)
+                self.machine.end(self._scope)
+        except Exception as failure:
+            self.outcome = self.outcome or "error"
+            failure.add_note(f"in state '{path if self.path == self.machine.name else self.path}'")
+            raise
 
     @checked
     def run(
@@ -485,8 +417,8 @@ class Program(Control):
         self._failed = 0 if solution is None or solution.ok else self._failed + 1
         if self._failed == PATIENCE:
             return "infeasible"
-        before, self._stopped = self._stopped, self.drives is not None and self.drives.stopped
+        before, self._stopped = self._stopped, self.drives.stopped
         if self._stopped and not before:
             return "stopped"
-        before, self._down = self._down, bool(self._fallen())
+        before, self._down = self._down, self.fallen not in (None, FallReason.SOLVER)
         return "fall" if self._down and not before else None

@@ -160,9 +160,6 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
         figure.draw_without_rendering()  # type: ignore[no-untyped-call]
         assert {text.get_text() for text in figure.axes[0].texts} >= {"wait", look}
         assert figure.axes[0].patches
-    alone = Program(StateMachine("demo", states), control.controller)
-    with Recorder(tmp_path / "alone.arrow") as record, pytest.raises(InputError, match=r"write\(…\)"):
-        record(plant, alone, plant.measure(), control.command(plant.measure()))
 
 
 def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
