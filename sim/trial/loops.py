@@ -122,11 +122,6 @@ class LoopKind:
                 f"loop '{self.name}' made {shown(loop)}, which lacks {', '.join(lacking)}: derive it from "
                 "wbc.sim.EngineLoop, or give it the members of wbc.sim.Simulation"
             )
-        if abs(loop.control_period - options["control_period"]) > 1e-9:
-            raise InputError(
-                f"loop '{self.name}' advances by {1e3 * loop.control_period:g} ms, the trial by "
-                f"{1e3 * options['control_period']:g} ms"
-            )
         return loop
 
 

@@ -176,7 +176,6 @@ class WallClock:
     wall_s: float  # the whole trial: building the model, running, summing up
     real_time_factor: float  # simulated time over wall time of the closed loop
     tick_us: dict[str, float]  # from measurement to command, median and 99th percentile
-    physics_share: float  # share of the loop's time in the simulator
     decision_us: dict[str, float] | None = None
 
     def __str__(self) -> str:

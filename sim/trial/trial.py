@@ -112,7 +112,6 @@ class Trial(Generic[ControlT, ResultT]):
         diverged: Reason why the simulation has diverged; None while it has not.
         last: Time of the last tick of a trial that was ended by `stop`, s; None for other trials.
         tick_times: Wall time of each tick, from measurement to command, s.
-        physics_time: Wall time in the simulator, s.
         hook_time: Wall time in `hooks`, s.
         loop_time: Wall time of `run` without the time in `hooks`, s.
         falls: Test of the true state for a fall.
@@ -151,7 +150,7 @@ class Trial(Generic[ControlT, ResultT]):
         self.last: float | None = None
         self._stopping = False
         self.tick_times = array("d")
-        self.physics_time = self.hook_time = self.loop_time = 0.0
+        self.hook_time = self.loop_time = 0.0
         self.falls = TrueFallDetector(plant.robot, limits)
 
     @property
@@ -246,9 +245,7 @@ class Trial(Generic[ControlT, ResultT]):
                     hook.tick(tick)
         for part in self.scenario:
             part.tick(tick)
-        start = time.perf_counter()
         plant.step(command)
-        self.physics_time += time.perf_counter() - start
         self.diverged = plant.diverged
         reason = self.find_fall()
         if reason is FallReason.DIVERGED and self.diverged is None:
@@ -351,23 +348,13 @@ class Trial(Generic[ControlT, ResultT]):
 
     def clock(self, decision_us: dict[str, float] | None = None) -> WallClock:
         """Return the wall-clock timings so far."""
+        times = 1e6 * np.array(self.tick_times) if self.tick_times else np.array([math.nan])
         return WallClock(
             wall_s=time.perf_counter() - self._made,
-            real_time_factor=self.real_time_factor,
-            tick_us=self.tick_us(),
-            physics_share=self.physics_time / self.loop_time if self.loop_time > 0.0 else math.nan,
+            real_time_factor=self.plant.time / self.loop_time if self.loop_time > 0.0 else math.inf,
+            tick_us={"median": float(np.median(times)), "p99": float(np.percentile(times, 99))},
             decision_us=decision_us,
         )
-
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated time divided by the wall time of `run`."""
-        return self.plant.time / self.loop_time if self.loop_time > 0.0 else math.inf
-
-    def tick_us(self) -> dict[str, float]:
-        """Return median and 99th percentile of the wall time of a tick, from measurement to command, µs."""
-        times = 1e6 * np.array(self.tick_times) if self.tick_times else np.array([math.nan])
-        return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
 
     @contextmanager
     def _hooks_end_with_an_error(self) -> Iterator[None]:

@@ -22,10 +22,6 @@ GOAL_TURN = math.radians(45.0)
 """Greatest error of the pelvis' heading at the goal, rad."""
 
 
-AT_ONCE = 256
-"""Ticks whose figures are computed at once: NumPy takes ten times as long for one after the other."""
-
-
 class Arrival(TrialHook):
     """Comparison of a walk with its goal, x, y (m) and yaw (rad) of the middle of the feet, and with its track.
 
@@ -35,8 +31,7 @@ class Arrival(TrialHook):
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
         self.goal = goal
         self.track = places = finite_array("track (m)", track)
-        self._middles: list[Array] = []  # not compared yet
-        self._track_error = 0.0
+        self.middles: list[Array] = []  # of the feet, of each tick
         if len(places) == 1:
             places = np.repeat(places, 2, axis=0)  # a line of no length
         self._x, self._y = places[:-1].T.copy()
@@ -46,31 +41,17 @@ class Arrival(TrialHook):
     def after(self, trial: AnyTrial) -> None:
         """See `TrialHook`."""
         if trial.diverged is None:
-            self.update(feet_middle(trial.plant))
-
-    def update(self, middle: Array) -> None:
-        """Compare the middle of the feet, shape (2,), m, with the track, later, with many others at once."""
-        self._middles.append(middle)
-        if len(self._middles) == AT_ONCE:
-            self._compare()
+            self.middles.append(feet_middle(trial.plant))
 
     @property
     def track_error(self) -> float:
         """Greatest distance from the track so far, m."""
-        if self._middles:
-            self._compare()
-        return self._track_error
-
-    def _compare(self) -> None:
-        """Compare the middles that have come since the last call, in rows, with the lines of the track."""
-        x, y = np.array(self._middles).T[:, :, None]
+        x, y = np.reshape(self.middles, (-1, 2)).T[:, :, None]
         x, y = x - self._x, y - self._y
         share = np.minimum(np.maximum((x * self._along + y * self._aside) / self._squares, 0.0), 1.0)
         x -= share * self._along
         y -= share * self._aside
-        away = (x * x + y * y).min(axis=1).max()
-        self._track_error = max(self._track_error, math.sqrt(away))
-        self._middles.clear()
+        return math.sqrt((x * x + y * y).min(axis=1).max(initial=0.0))
 
     def error(self, middle: Array) -> float:
         """Return the distance of the middle of the feet, shape (2,), from the goal, m."""

@@ -15,13 +15,15 @@ from wbc.base.numbers import Array
 from wbc.base.vectors import Point, along
 from wbc.core.conventions import rotation_of
 from wbc.core.frames import heading, yaw_rotation
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.signals import Measurement
+from wbc.feet.sensing.scan import Profile
+from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
-from wbc.sim.walks.arrival import AT_ONCE
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult
+from wbc.tasks.scheduling.stiffness import StepStiffness
 from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import TOUCHED, Event, GaitPhase
@@ -47,6 +49,9 @@ that rests shakes and rolls at some 0.02 m/s."""
 
 SAMPLE = 0.02
 """Period over which accelerations of joints are differences of velocities, for the vibration, s."""
+
+AT_ONCE = 256
+"""Ticks whose torques are looked at at once: NumPy takes ten times as long for one after the other."""
 
 LEAST_WAY = 0.05
 """Shortest distance for which a cost of transport and a speed are told, m."""
@@ -324,3 +329,56 @@ def spread(values: list[float]) -> Spread:
         return Spread(None, None)
     array = np.array(values)
     return Spread(float(array.mean()), float(array.std()))
+
+
+class StiffnessMeter(TrialHook):
+    """Comparison of each scan with the true ground when its step is decided, and the record of all steps.
+
+    A scan is made with estimated poses, and the estimate drifts along a walk. Its shape, which decides the stiffness,
+    is compared with the ground under the true pose of the foot.
+    """
+
+    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+        """Begin without any step; the controller has a `StiffnessScheduler`."""
+        assert walking.stiffness is not None
+        self._plant, self._walking, self._task = plant, walking, walking.stiffness
+        self._soles = [sole.frame for sole in walking.controller.robot.soles]
+        self._last: StepStiffness | None = None
+        self._errors: dict[int, dict[str, float]] = {}
+        self._times: list[float] = []
+
+    def tick(self, tick: TrialTick) -> None:
+        """Record a tick, before the plant moves on."""
+        del tick
+        decided = self._task.decided
+        if decided is None or decided is self._last:
+            return
+        self._last = decided
+        self._times.append(1e6 * decided.computing)
+        if decided.profile is not None:
+            self._errors[decided.step] = self._error(SIDES.index(decided.side), decided.profile)
+
+    def _error(self, side: int, profile: Profile) -> dict[str, float]:
+        """Return mean and 95th percentile of |scanned minus true heights|, without their mean, m."""
+        estimate = self._walking.drives.observer.robot.placement(self._soles[side])
+        data, site = self._plant.data, self._plant.sole_sites[side]
+        rotation = data.site_xmat[site].reshape(3, 3) @ estimate.rotation.T
+        there = data.site_xpos[site] + (profile.points - estimate.translation) @ rotation.T
+        shape = there[:, 2] - self._plant.terrain.height(there[:, 0], there[:, 1])
+        size = np.abs(shape - shape.mean())
+        return {"mean": float(size.mean()), "p95": float(np.percentile(size, 95))}
+
+    def steps(self) -> list[dict[str, Any]]:
+        """Return the record of each swing, as plain values that follow from the spec."""
+        result = []
+        for step in self._task.steps:
+            entry = step.as_dict()
+            del entry["decision_us"]  # a wall-clock time
+            result.append(entry | {"profile_error_m": self._errors.get(step.step)})
+        return result
+
+    def decision_us(self) -> dict[str, float] | None:
+        """Return the computing time of profile and policy, µs: median and maximum; None without a decision."""
+        if not self._times:
+            return None
+        return {"median": float(np.median(self._times)), "max": max(self._times)}

@@ -139,7 +139,7 @@ class WalkResult(TrialResult):
         contact_area: Hull of the contacts of the stance sole in the middle of single supports, m².
         stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
             its features and its time before the landing, error of the scanned profile (`StepStiffness`,
-            `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
+            `wbc.sim.walks.meter`); None for soles without an actuator.
         notes: Changes that made the plan walkable, and pushes that did not begin before the end.
     """
 

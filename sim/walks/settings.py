@@ -87,14 +87,27 @@ class WalkTrialSettings(WalkingControlSettings):
         )
 
 
+OF_FREE = ("stepping",)
+"""Settings that count in free steps alone."""
+
+OF_PLANNED = ("drive", "walk", "gains", "distribution", "lean", "bias", "tasks", "feedforward")
+"""Settings that count in planned steps alone."""
+
+
 def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> WalkTrialSettings:
-    """Return a preset with changes that `checked_changes` returned."""
+    """Return a preset with changes that `checked_changes` returned, but for those of steps that are not taken."""
     if preset != PRESETS[0] and mode != "position":
         raise InputError(
             f"the preset '{preset}' is one of planned steps, which mode='position' takes, got '{mode}'"
         )
-    trial = changed(WalkTrialSettings.preset(preset), changes)
-    return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
+    trial = replace(changed(WalkTrialSettings.preset(preset), changes), mode=mode)
+    for path, _ in changes:
+        if path.partition(".")[0] in (OF_PLANNED if trial.free else OF_FREE):
+            steps, other = ("planned", "position") if trial.free else ("free", "torque")
+            raise InputError(
+                f"'{path}' is a setting of {steps} steps, which mode='{other}' takes, got mode='{mode}'"
+            )
+    return replace(trial, physics=replace(trial.physics, timestep=timestep))
 
 
 def checked_changes(preset: str, changes: Changes) -> Changes:
@@ -104,21 +117,3 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
         if path in DERIVED:
             raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")
     return normal
-
-
-OF_FREE = ("stepping",)
-"""Settings that count in free steps alone."""
-
-OF_PLANNED = ("drive", "walk", "gains", "distribution", "lean", "bias", "tasks", "feedforward")
-"""Settings that count in planned steps alone."""
-
-
-def check_read(changes: Changes, trial: WalkTrialSettings) -> None:
-    """Refuse changes of settings of steps that a walk does not take."""
-    others = OF_PLANNED if trial.free else OF_FREE
-    for path, _ in changes:
-        if path.partition(".")[0] in others:
-            steps, mode = ("planned", "position") if trial.free else ("free", "torque")
-            raise InputError(
-                f"'{path}' is a setting of {steps} steps, which mode='{mode}' takes, got mode='{trial.mode}'"
-            )

@@ -25,7 +25,7 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
-from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings
+from wbc.sim.walks.settings import Eyes, WalkTrialSettings, checked_changes, trial_settings
 from wbc.sim.walks.stiffness_policy import checked_policy
 from wbc.sim.walks.trained import check_trained, driven, sees, stamped_policy
 from wbc.walking.plans.gait import Gait
@@ -133,7 +133,7 @@ class WalkSpec(TrialSpec):
             foot_changes=foot_changes(self.foot, self.foot_changes),
             changes=checked_changes(self.gains, self.changes),
         )
-        check_read(self.changes, self.settings())
+        self.settings()
         self._keep(terrain_params=_as_used(self.ground(), self.terrain_params))
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")

@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, UnknownNameError, choose
+from wbc.base.errors import InputError, choose
 from wbc.core.conventions import rotation_of
 from wbc.core.estimation.observer import Observer
 from wbc.core.frames import heading
@@ -26,20 +26,18 @@ from wbc.policy.guard import PolicyGuard
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.trial.falls import BodyLimits
+from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, feet_middle
-from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
+from wbc.sim.walks.meter import LEAST_WAY, StiffnessMeter, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved_configuration
 from wbc.sim.walks.presets import over, plan_over
 from wbc.sim.walks.result import WalkResult, objective
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.sim.walks.trained import trained_control, turned
 from wbc.tasks.scheduling.policies import PolicyLike
@@ -76,12 +74,7 @@ def walk(
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
     """
-    family = terrain_families().get(str(values.get("terrain", "flat" if spec is None else spec.terrain)))
     for name in values:
-        if family is not None and name not in FIELDS and name in {each.name for each in fields(family)}:
-            raise UnknownNameError(
-                f"no field of a walk '{name}'; it is one of the ground: terrain_params={{'{name}': …}}"
-            )
         choose("field of a walk", name, FIELDS)
     kind, below = WalkSpec, dict[str, Any]()
     if spec is not None:
@@ -129,9 +122,10 @@ class WalkTrial(Trial[Any, WalkResult]):
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
         walked = None if planned is None else planned.source.com_height
         lowering = max(0.0, standing_com - (standing_com if walked is None else walked))
-        com = plant.com_height - _ground(plant) - lowering
-        limits = prepared.settings.falls
-        super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
+        super().__init__(plant, walking)
+        limits, com = prepared.settings.falls, plant.com_height - self.ground - lowering
+        lowest = BodyLimits(com - limits.drop * robot.length_scale, limits.tilt)
+        self.falls = TrueFallDetector(plant.robot, lowest)
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self._pushes = PushSchedule(spec.pushes)
         self.scenario += [self._drive, self._pushes]
@@ -149,7 +143,8 @@ class WalkTrial(Trial[Any, WalkResult]):
     @property
     def ground(self) -> float:
         """Height of the lower sole, m."""
-        return _ground(self.plant)
+        (left, _), (right, _) = self.plant.sole_poses
+        return min(float(left[2]), float(right[2]))
 
     def simulate(self) -> None:
         """Walk to the end, a fall, a stop or the time limit."""
@@ -237,12 +232,6 @@ class WalkTrial(Trial[Any, WalkResult]):
         }
 
 
-def _ground(plant: Simulation) -> float:
-    """Return the height of the lower sole, m."""
-    (left, _), (right, _) = plant.sole_poses
-    return min(float(left[2]), float(right[2]))
-
-
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
 ) -> SteeredControl:
@@ -268,15 +257,16 @@ def _walking(
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Simulation:
     """Return the simulation, its robot where the controller's robot is."""
+    range_sensor, eyes = _sensors(spec, prepared.settings)
     plant = spec.simulation(
         prepared.plant_description,
         foot=prepared.foot,
         terrain=spec.ground(),
-        range_sensor=_range_sensor(spec, prepared.settings),
+        range_sensor=range_sensor,
         seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
         physics=prepared.settings.physics,
         scene=spec.things(),
-        eyes=_eyes(spec, prepared.settings),
+        eyes=eyes,
         visuals=visuals,
     )
     # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
@@ -287,25 +277,21 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) 
     return plant
 
 
-def _range_sensor(spec: WalkSpec, settings: WalkTrialSettings) -> RangeSensor | None:
-    """Return the range sensor under each toe; None for soles without a policy."""
-    if spec.scheduling[0] is None:
-        return None
-    sensor = settings.range_sensor
+def _sensors(
+    spec: WalkSpec, settings: WalkTrialSettings
+) -> tuple[RangeSensor | None, tuple[DepthCamera | ToeSensors, ...]]:
+    """Return the range sensor under each toe, None for soles without a policy, and what sees the ground.
+
+    They are perfect with the sensor noise "none".
+    """
+    sensors: list[Any] = [] if spec.scheduling[0] is None else [settings.range_sensor]
+    if spec.eyes != "none":
+        sensors.append(settings.camera if spec.eyes == "depth" else settings.toes)
     if spec.noise == "none":
-        sensor = replace(sensor, noise=0.0, relative_noise=0.0, resolution=0.0, dropout=0.0)
-    return sensor
-
-
-def _eyes(spec: WalkSpec, settings: WalkTrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
-    """Return what sees the ground, perfectly with the sensor noise "none"."""
-    if spec.eyes == "none":
-        return ()
-    exact = spec.noise == "none"
-    if spec.eyes == "depth":
-        camera = settings.camera
-        return (replace(camera, noise=0.0, relative_noise=0.0, dropout=0.0) if exact else camera,)
-    return (replace(settings.toes, noise=0.0, dropout=0.0) if exact else settings.toes,)
+        errors = ("noise", "relative_noise", "resolution", "dropout")
+        sensors = [replace(s, **{name: 0.0 for name in errors if hasattr(s, name)}) for s in sensors]
+    ranges = None if spec.scheduling[0] is None else sensors.pop(0)
+    return ranges, tuple(sensors)
 
 
 def _scheduler(

@@ -75,7 +75,7 @@ WALKED = WalkResult(
     contact_area=EXACT,
     stiffness=None,
     notes=("shorter steps",),
-    clock=WallClock(1.0, 2.5, {"median": 120.4, "p99": 310.6}, 0.5, {"median": 40.0, "max": 90.0}),
+    clock=WallClock(1.0, 2.5, {"median": 120.4, "p99": 310.6}, {"median": 40.0, "max": 90.0}),
 )
 LEVEL = WalkSpec(plan=WalkPlan(distance=0.5))
 
@@ -297,7 +297,7 @@ def stand_result(**values: Any) -> Any:
         "upright": True,
         "com_error": 0.00123,
         "zmp_noise": 0.00045,
-        "clock": WallClock(1.0, 2.5, {"median": 100.0, "p99": 200.0}, 0.5),
+        "clock": WallClock(1.0, 2.5, {"median": 100.0, "p99": 200.0}),
         "steps_taken": 4,
         "noise": "none",
         "foot": "flat",

@@ -142,7 +142,7 @@ def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stand
                 "foot_slide": 0.005,
                 "landings": 2,
             }
-            told |= {"clock": WallClock(1.0, 2.0, ticks, 0.5)}
+            told |= {"clock": WallClock(1.0, 2.0, ticks)}
             return TrackResult(robot="g1", seed=0, seconds=1.0, failures=0, **told)  # type: ignore[arg-type]
 
     monkeypatch.setattr(motion_command, "TrackTrial", Tracked)

@@ -30,7 +30,7 @@ def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     assert data["spec"]["changes"] == {"gains.dcm_p": [4.0, 4.0]} and data["steps_planned"] == 2
     assert main(["walk", "--spec", str(tmp_path / "walk.json"), "--json"]) == RAN
     again = json.loads(capsys.readouterr().out)
-    clock = ("wall_s", "real_time_factor", "tick_us", "physics_share", "decision_us")
+    clock = ("wall_s", "real_time_factor", "tick_us", "decision_us")
     assert {k: v for k, v in data.items() if k not in clock} == {
         k: v for k, v in again.items() if k not in clock
     }

@@ -37,7 +37,7 @@ def test_who_has_left_the_track_on_the_way_has_not_kept_to_it() -> None:
     for share, arrived in ((JUST, True), (BEYOND, False)):
         arrival = straight()
         for y in (0.0, share * GOAL_DISTANCE, 0.0):
-            arrival.update(np.array([1.234, y]))  # between two stands
+            arrival.middles.append(np.array([1.234, y]))  # between two stands
         assert arrival.track_error == pytest.approx(share * GOAL_DISTANCE)
         assert arrival.arrived(np.array([3.0, 0.0]), 3.1) is arrived
 
@@ -45,11 +45,11 @@ def test_who_has_left_the_track_on_the_way_has_not_kept_to_it() -> None:
 def test_a_track_may_turn_and_may_be_a_place() -> None:
     for x, y, away in ((0.5, 0.0, 0.0), (1.0, 0.7, 0.0), (0.5, 0.2, 0.2), (0.7, 0.6, 0.3), (1.3, 1.4, 0.5)):
         corner = Arrival((1.0, 1.0, 0.5 * math.pi), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-        corner.update(np.array([x, y]))
+        corner.middles.append(np.array([x, y]))
         assert corner.track_error == pytest.approx(away, abs=1e-12)
     for track in ([(1.0, 2.0)], [(1.0, 2.0)] * 3):  # a turn on the spot
         spot = Arrival((1.0, 2.0, 0.0), track)
-        spot.update(np.array([1.3, 2.4]))
+        spot.middles.append(np.array([1.3, 2.4]))
         assert spot.track_error == pytest.approx(0.5)
 
 

@@ -325,7 +325,7 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
 
     def ended(trial: WalkTrial, outcome: str) -> Any:
         trial.diverged = "NaN" if outcome == "diverged" else None
-        clock = WallClock(1.0, 2.0, {"median": 1.0}, 0.5)
+        clock = WallClock(1.0, 2.0, {"median": 1.0})
         return SimpleNamespace(
             outcome=outcome,
             record=lambda: {"outcome": outcome},
@@ -361,7 +361,7 @@ def stood() -> StandResult:
         upright=True,
         com_error=1.23456,
         zmp_noise=0.5,
-        clock=WallClock(1.0, 2.0, {"median": 1.0}, 0.5),
+        clock=WallClock(1.0, 2.0, {"median": 1.0}),
         seconds=3.0,
         steps_taken=2,
         failures=0,

@@ -25,14 +25,13 @@ from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
-from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
+from wbc.sim.walks.meter import EXCURSION, StiffnessMeter, WalkMeter, _Moment, spread
 from wbc.sim.walks.plan import ROOM_ASIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
 from wbc.sim.walks.prepare import moved_configuration
 from wbc.sim.walks.presets import plan_over
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.stiffness_meter import StiffnessMeter, magnitude
-from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
+from wbc.sim.walks.trial import WalkTrial, _sensors
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
@@ -320,8 +319,8 @@ def test_a_configuration_is_moved_over_the_ground_and_turned_about_the_vertical(
 def test_sensors_of_a_walk_are_exact_if_its_noise_is_none(noise: str, eyes: str, kind: type | None) -> None:
     spec = WalkSpec(noise=noise, eyes=eyes, foot="variable")  # type: ignore[arg-type]
     settings = spec.prepare().settings
-    ranges, seeing = _range_sensor(spec, settings), _eyes(spec, settings)
-    assert ranges is not None and _range_sensor(replace(spec, foot="soft"), settings) is None
+    ranges, seeing = _sensors(spec, settings)
+    assert ranges is not None and _sensors(replace(spec, foot="soft"), settings) == (None, seeing)
     assert [type(each) for each in seeing] == ([] if kind is None else [kind])
     errors = [getattr(each, name) for each in seeing for name in ("noise", "dropout")]
     errors += [ranges.noise, ranges.relative_noise, ranges.resolution, ranges.dropout]
@@ -480,9 +479,7 @@ def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: f
         near[0] += way
         plant.reset(near)
         assert (trial._travel(None)["cost_of_transport"] is not None) == counted
-    trial.physics_time, trial.loop_time = 2.0, 8.0
     result = trial.result()
-    assert result.clock is not None and result.clock.physics_share == 0.25
     assert (result.outcome, result.steps_done, result.impact) == ("unfinished", 0, None)
     assert (
         pytest.approx(-10.0 * result.steps_planned) == result.J
@@ -492,10 +489,10 @@ def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: f
 
 
 @pytest.mark.parametrize("drift", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.02), (0.04, -0.03, 0.01)])
-def test_a_scan_is_compared_with_the_ground_under_the_true_foot_and_as_believed(
+def test_a_scan_is_compared_with_the_ground_under_the_true_foot(
     drift: tuple[float, float, float],
 ) -> None:
-    """A scan that is exact but for the drift of the estimate has no error of its shape, and the drift as believed."""
+    """The drift of the estimate is no error of the shape."""
     ground, move = terrain("slope", 0.3, direction="up"), np.array(drift)
     true = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([1.0, 0.1, 0.2]))
     seen = pin.SE3(true.rotation, true.translation + move)
@@ -508,17 +505,16 @@ def test_a_scan_is_compared_with_the_ground_under_the_true_foot_and_as_believed(
     hits = np.stack([x, 0.0 * x + 0.1, ground.height(x, 0.1)], axis=1) + move  # where the estimate puts them
     wave = 0.003 * np.sin(30.0 * x)
     hits[:, 2] += wave
-    shape, believed = meter._compare(0, SimpleNamespace(points=hits))
-    np.testing.assert_allclose(shape, wave - wave.mean(), atol=1e-9)
-    np.testing.assert_allclose(believed, wave + move[2] - 0.1 * move[0], atol=1e-9)
-    assert magnitude(np.arange(-10.0, 11.0)) == pytest.approx({"mean": 110.0 / 21.0, "p95": 10.0})
+    size = np.abs(wave - wave.mean())
+    found = meter._error(0, SimpleNamespace(points=hits))
+    assert found == pytest.approx({"mean": size.mean(), "p95": np.percentile(size, 95)})
 
 
 def test_each_decision_of_a_stiffness_is_recorded_once() -> None:
     task = SimpleNamespace(decided=None)
     meter: Any = object.__new__(StiffnessMeter)
     meter._task, meter._last, meter._times, meter._errors, compared = task, None, [], {}, []
-    meter._compare = lambda side, profile: compared.append((side, profile))
+    meter._error = lambda side, profile: compared.append((side, profile))
     decisions = [
         SimpleNamespace(computing=1e-6 * (k + 1), profile=profile, step=k, side=side)
         for k, (profile, side) in enumerate([("first", "left"), (None, "right"), ("third", "right")])
