@@ -97,8 +97,8 @@ class Barrier(Limit):
     The rest is one law for all of them. A room may shrink at room / time constant at most, so that it never falls
     below zero (the velocity damper of Faverjon & Tournassoud, ICRA 1987). A row demands at most the acceleration room /
     time constant² + recovery away from its bound, which is enough from inside. From outside it brings the coordinate
-    back. No row demands more than joints attain. Two bounds of one row never cross, because what is room for one is
-    lacking for the other.
+    back. Two bounds of one row never cross, because what is room for one is lacking for the other. A solver cuts what a
+    row demands off at what the joints attain.
 
     Rooms and speeds of all coordinates stand in two rows: those towards the upper bounds, and those towards the lower
     ones. A subclass with another law overrides `_final_speeds`, `_least_accelerations` and `_allowed_speeds`.
@@ -148,8 +148,6 @@ class Barrier(Limit):
     def _take_period(self, dt: float) -> None:
         """Make arrays for a new period, s; those without axes take NumPy half the time of numbers."""
         self.__room, self.__speed, self.__bound, self.__least = np.zeros((4, 2, self.dim))
-        self.__views = *self.__bound, self.__bound.reshape(-1)
-        self.__rooms = self.__room.reshape(-1)
         self._dt, self._per_dt, self.__per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
         self.__per_way = scalar(1.0 / max(dt, self._time))
         # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
@@ -177,13 +175,9 @@ class Barrier(Limit):
         out -= self.__recovery
         return out
 
-    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
-        """Fill the greatest speeds towards the bounds of inverse kinematics; see `_final_speeds`.
-
-        `inside` is True if all rooms are at least zero. Return True if a speed may be below zero, as of a way back.
-        """
+    def _allowed_speeds(self, room: Array, out: Array) -> None:
+        """Fill the greatest speeds towards the bounds of inverse kinematics; see `_final_speeds`."""
         np.multiply(room, self.__per_way, out=out)
-        return not inside
 
     def _measure(self, rows: Array, room: Array, order: Order, dt: float) -> Array | None:
         """Fill rows and rooms for an order and its period, s, which is 0 for a step.
@@ -206,9 +200,7 @@ class Barrier(Limit):
         bound -= speed
         bound *= self._per_dt
         np.maximum(bound, self._least_accelerations(room, self.__least), out=self.__bound)
-        others, flat = self.drift(), self.__views[2]
-        asked = others is None and bool(flat[flat.argmin()] < 0.0)
-        self._fill(ATTAINABLE, asked, others, rows, lower, upper)
+        self._fill(self.drift(), self.__bound, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
@@ -221,30 +213,17 @@ class Barrier(Limit):
         """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
         if dt != self._dt:
             self._take_period(dt)
-        room, rooms = self.__room, self.__rooms
-        others = self._measure(rows, room, "velocity", dt)
-        asked = self._allowed_speeds(room, rooms[rooms.argmin()] >= 0.0, self.__bound)
-        self._fill(BACK, asked, others, rows, lower, upper)
+        others = self._measure(rows, self.__room, "velocity", dt)
+        self._allowed_speeds(self.__room, self.__bound)
+        self._fill(others, self.__bound, lower, upper)
 
-    def _fill(
-        self, most: float, asked: bool, others: Array | None, rows: Array, lower: Array, upper: Array
-    ) -> None:
-        """Fill bounds, less what the coordinates do by themselves; no row demands more than `most` of each joint."""
-        upper[:] = self.__views[0]
-        np.negative(self.__views[1], out=lower)
+    def _fill(self, others: Array | None, bound: Array, lower: Array, upper: Array) -> None:
+        """Fill bounds from those towards each side, shape (2, dim), less what the coordinates do by themselves."""
+        upper[:] = bound[0]
+        np.negative(bound[1], out=lower)
         if others is not None:
             upper -= others
             lower -= others
-            asked = demands(lower, upper)
-        if asked:
-            self._settle(most, rows, lower, upper)
-
-    def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Cut demands off where each coordinate would have to give more than `most`."""
-        asked = ((lower > 0.0) | (upper < 0.0)).nonzero()[0]
-        attainable = most * np.add.reduce(np.abs(rows.take(asked, axis=0)), axis=1)
-        lower[asked] = np.minimum(lower.take(asked), attainable)
-        upper[asked] = np.maximum(upper.take(asked), -attainable)
 
 
 def demands(lower: Array, upper: Array) -> bool:

@@ -224,9 +224,8 @@ class FrameSpeedLimit(FrameLimit):
     def _least_accelerations(self, room: Array, out: Array) -> Array:
         return _LEAST
 
-    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
+    def _allowed_speeds(self, room: Array, out: Array) -> None:
         out[:] = self._speed
-        return False
 
 
 class AxisConeLimit(FrameLimit):

@@ -16,7 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, one_or_each
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import ATTAINABLE, OPTIONS, ZERO, Barrier, Limit, Order
+from wbc.core.limits.base import ATTAINABLE, OPTIONS, ZERO, Barrier, Limit, Order, demands
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -248,26 +248,27 @@ class JointLimits(Barrier):
     def _least_accelerations(self, room: Array, out: Array) -> Array:
         return self._braked
 
-    def _allowed_speeds(self, room: Array, inside: bool, out: Array) -> bool:
+    def _allowed_speeds(self, room: Array, out: Array) -> None:
         """Fill velocities that keep the next position, q + v dt, within its bounds."""
         bound, dt = np.multiply(room, self._per_dt, out=out), self._dt
         if self._stop is not None:
             bound[:] = np.where(
                 room < np.inf, stopping_velocity(np.maximum(room, ZERO), self._stop, dt), np.inf
             )
-        if not inside:
+        if (room < 0.0).any():
             back = np.maximum(room / max(dt, RECOVERY_TIME), -self._most)
             np.copyto(bound, back, where=room < 0.0)
         np.minimum(bound, self._most, out=bound)
         if self._stop is not None:
             speed, change = np.array([self._velocities, -self._velocities]), dt * self._greatest
             np.clip(bound, speed - change, speed + change, out=bound)
-        return not inside or self._stop is not None
 
-    def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Take the middle of bounds that cross."""
-        crossed = upper < lower
-        lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+    def _fill(self, others: Array | None, bound: Array, lower: Array, upper: Array) -> None:
+        """Fill the bounds; take the middle of those that cross."""
+        super()._fill(others, bound, lower, upper)
+        if demands(lower, upper):
+            crossed = upper < lower
+            lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""

@@ -35,7 +35,7 @@ NOTHING = np.zeros((0, 0))
 """Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
 
 SHARE = 0.9
-"""Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
+"""Share of what the joints' bounds allow up to which a limit asks for it: all of it would leave one velocity alone."""
 
 SELECTION = 2
 """Place of tasks on single coordinates among the kinds of tasks."""
@@ -351,11 +351,11 @@ class Attainable:
             lower: Their lower bounds, shape (n,).
             upper: Their upper bounds, shape (n,).
             joints: Lower and upper bounds of each joint, shapes (na,); they belong to the last coordinates.
-            fastest: What a coordinate attains that has no bound.
+            fastest: What a limit asks of each coordinate at most, whatever its bounds allow.
         """
         self._rows, self._lower, self._upper = rows, lower, upper
-        self._bounds, self._fastest = joints, fastest
-        self._low, self._high = np.full(rows.shape[1], -fastest), np.full(rows.shape[1], fastest)
+        self._bounds, self._most = joints, fastest / SHARE
+        self._low, self._high = np.full((2, rows.shape[1]), [[-self._most], [self._most]])
 
     def cut(self) -> None:
         """Cut the demands of all rows off; there is at least one row."""
@@ -368,8 +368,8 @@ class Attainable:
         if self._bounds is not None:
             least, most = self._bounds
             joints = slice(low.size - least.size, None)
-            low[joints] = np.where(np.isfinite(least), least, np.minimum(most, -self._fastest))
-            high[joints] = np.where(np.isfinite(most), most, np.maximum(least, self._fastest))
+            low[joints] = np.maximum(least, np.minimum(most, -self._most))
+            high[joints] = np.minimum(most, np.maximum(least, self._most))
         chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
         rows = self._rows[chosen]
         middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
