@@ -368,14 +368,9 @@ def test_a_box_can_be_moved() -> None:
     box.lower, box.upper = [0.0, 0.0, 0.0], (1.0, 2.0, math.inf)
     np.testing.assert_equal(box.lower, [0.0, 0.0, 0.0])
     np.testing.assert_equal(box.upper, [1.0, 2.0, math.inf])
-    for place in (5.0, -5.0):  # past where it was
-        box.bounds = np.full(3, place), np.full(3, place + 1.0)
-        np.testing.assert_equal(box.bounds, [[place] * 3, [place + 1.0] * 3])
-    wrongs: list[Any] = [np.zeros(3), None, (np.ones(3), np.zeros(3))]
-    for wrong in wrongs:
-        with pytest.raises(InputError, match="limit 'torso_link"):
-            box.bounds = wrong
-    np.testing.assert_equal(box.lower, [-5.0] * 3)
+    with pytest.raises(InputError, match="limit 'torso_link"):
+        box.lower = [2.0, 0.0, 0.0]  # above the upper one
+    np.testing.assert_equal(box.lower, [0.0, 0.0, 0.0])
 
 
 def test_a_limit_that_no_controller_has_goes_to_another_process() -> None:

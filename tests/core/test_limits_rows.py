@@ -21,10 +21,11 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits import collision
 from wbc.core.limits.base import Limit
-from wbc.core.limits.collision import CollisionLimit, srdf_pairs
+from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
+from wbc.core.limits.pairs import srdf_pairs
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot

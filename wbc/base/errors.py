@@ -93,6 +93,7 @@ IN_PLACE_OF = {
     "solve_ik": "InverseKinematics",
     "TrialLoop": "Simulation",
     "read_sdf": "an MJCF that sdf2mjcf of sdformat-mjcf makes of the SDF",
+    "CollisionHeights": "a CollisionHalfSpace, or boxes",
     "WatchWalk": "MeshcatView, a hook of the walk",
 }
 """Names of other libraries, and former ones, with what takes their place."""

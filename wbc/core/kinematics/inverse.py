@@ -91,8 +91,7 @@ class InverseKinematics(Items):
     positions, for velocities and, if given, for accelerations. `wbc.core.kinematics.assembly` states the QP.
 
     Attributes:
-        robot: The robot. All methods read its configuration and its velocity; `step` and `update` change them.
-        damping: Cost per squared velocity of every coordinate, divided by the weighted squared error.
+        damping: As in the constructor, read-only.
         solution: Result of the last step: status, residuals, active limits; None before the first one.
     """
 
@@ -110,7 +109,7 @@ class InverseKinematics(Items):
         """Make a solver without tasks, contacts or limits; `add` them.
 
         Args:
-            robot: The robot.
+            robot: The robot. All methods read its configuration and its velocity; `step` and `update` change them.
             dt: Period of a step, s.
             regularisation: Cost per squared velocity of every coordinate, above zero; it makes the solution unique.
             damping: Cost per squared velocity of every coordinate, divided by the weighted squared error. It bounds the

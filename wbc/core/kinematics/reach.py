@@ -88,10 +88,10 @@ class ReachResult:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """Search of one solver.
+    """Search of one solver, whose robot moves.
 
     Attributes:
-        robot: The robot, whose configuration moves.
+        robot: The robot.
         tasks: All tasks that are on a configuration.
         assembly: Assembly of the QP.
         solve: Solves the QP that is written: variables, multipliers and status.

@@ -19,11 +19,9 @@ from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import OPTIONS, Barrier, Order
 from wbc.core.limits.facing import CORNERS, Corner, Facing
 from wbc.core.limits.obstacles import CollisionHalfSpace, Obstacle, Shape
-from wbc.core.limits.pairs import Scene, srdf_pairs
+from wbc.core.limits.pairs import Scene
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
-
-__all__ = ["CollisionLimit", "srdf_pairs"]
 
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
@@ -124,14 +122,10 @@ class CollisionLimit(Barrier):
     they were last measured that its row may be needed. In a controller the rows ignore how the rotation of the common
     normal accelerates the distance. The next tick corrects this.
 
+    The arguments are attributes, too, all read-only.
+
     Attributes:
-        pairs: Pairs of links or frames, or "all", as given; like all attributes read-only.
         obstacles: Shapes of the world; their placements and velocities may be assigned.
-        against: Links that keep away from the obstacles, as given.
-        shapes: Link or frame → its shapes.
-        margin, influence: Smallest distance, and the one beyond which a pair is ignored, m.
-        time_constant: Time constant of the approach, s.
-        recovery: Smallest acceleration that separates links closer than the margin, m/s².
     """
 
     reads = "kinematics"

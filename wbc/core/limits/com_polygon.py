@@ -31,10 +31,8 @@ class CoMPolygonLimit(Barrier):
 
     The velocities that all edges together allow are never empty, so that the rows cannot contradict each other.
 
-    Attributes:
-        time_constant: Time constant of the approach to an edge, s; read-only, known once a controller has the limit.
-        recovery: Acceleration that brings a CoM back from outside an edge, m/s²; read-only, known at the same time.
-        margin: Distance that the CoM keeps from the edges, m, read-only.
+    The arguments are attributes, too. All but `polygon` are read-only, and those that are None have their values once a
+    controller has the limit.
     """
 
     reads = "kinematics"

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, fixed, result
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only, scalar
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
@@ -30,12 +30,7 @@ _LEAST = scalar(-RECOVERY)
 
 
 class FrameLimit(Barrier):
-    """Base of limits on a frame.
-
-    Attributes:
-        frame: Frame of the robot, read-only.
-        time_constant: Time constant of the approach to a bound, s, read-only.
-    """
+    """Base of limits on a frame; the arguments are attributes, too, read-only unless a setter says otherwise."""
 
     frame: str = fixed(OPTIONS)
     time_constant: float = result("_time", OPTIONS)
@@ -68,12 +63,9 @@ class FramePositionLimit(FrameLimit):
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
     FramePositionLimit("hand", directions=[(0.0, 0.6, 0.8)], upper=[1.2])
-
-    Attributes:
-        directions: Directions in the world, of length 1, shape (n, 3), read-only.
     """
 
-    directions: Array = result("_axes", OPTIONS)
+    directions: Array = result("_axes", OPTIONS)  # of length 1
 
     step_unit = "m"
 
@@ -146,21 +138,6 @@ class FramePositionLimit(FrameLimit):
     def upper(self, value: ArrayLike) -> None:
         self._take(self._lower, value)
 
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """`lower` and `upper`, shape (n,) each, m, read-only; assign both to move the box past where it was."""
-        return self.lower, self.upper
-
-    @bounds.setter
-    def bounds(self, value: tuple[ArrayLike, ArrayLike]) -> None:
-        try:
-            lower, upper = value
-        except (TypeError, ValueError):
-            raise InputError(
-                f"bounds of limit '{self.name}' must be (lower, upper), got {shown(value)}"
-            ) from None
-        self._take(lower, upper)
-
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill a row for each direction; see `Barrier.measure`."""
         place = self._axes @ self._placement.translation
@@ -178,7 +155,6 @@ class FrameSpeedLimit(FrameLimit):
 
     Attributes:
         speed: Greatest components, linear then angular, shape (6,), m/s and rad/s; read-only.
-        linear, angular: Greatest component of the linear, m/s, and of the angular velocity, rad/s; read-only.
     """
 
     speed: Array = result("_speed", OPTIONS)
@@ -233,11 +209,6 @@ class AxisConeLimit(FrameLimit):
 
     The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
     of a·d is ω·(a × d), with the angular velocity ω of the frame.
-
-    Attributes:
-        angle: Half the opening of the cone, rad, read-only.
-        axis: Axis, of length 1, in the axes of the frame, read-only.
-        direction: Direction, of length 1, in the axes of the world, read-only.
     """
 
     angle: float = result("_angle", OPTIONS)
@@ -257,7 +228,8 @@ class AxisConeLimit(FrameLimit):
     ) -> None:
         """Describe the limit.
 
-        `angle` is half the opening of the cone, rad, below π. `axis` and `direction` have shape (3,) and any length.
+        `angle` is half the opening of the cone, rad, below π. `axis` is in the axes of the frame, `direction` in those
+        of the world; both have shape (3,) and any length, and are of length 1 as attributes.
         """
         super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:

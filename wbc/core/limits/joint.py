@@ -110,17 +110,13 @@ class JointLimits(Barrier):
     distances are kept, only if `acceleration` or `braking` is given.
 
     Attributes:
-        lower, upper: Least and greatest positions, shape (na,), rad (or m); like all attributes read-only, and known
-            once a controller has the limits.
+        lower, upper: Least and greatest positions, shape (na,), rad (or m). Like all arguments, which are attributes,
+            too, they are read-only. The arrays are known once a controller has the limits.
         velocity: Greatest velocities, shape (na,), rad/s (or m/s).
         acceleration: Greatest accelerations, shape (na,), rad/s² (or m/s²).
         braking: Deceleration that is available in both directions, shape (na,), rad/s² (or m/s²). For a drive that is
             weaker in one direction it is that of the weaker direction. A position bound that the drive has no torque to
             keep is left out.
-        position: True if the bounds of the positions are kept.
-        margin: Distance from these bounds, rad (or m).
-        velocity_ratio: Share of the velocity limits that may be used.
-        joints: Names of the joints that are limited; None for all.
     """
 
     reads = "kinematics"
@@ -288,7 +284,6 @@ class TorqueLimits(Limit):
     Attributes:
         least, most: Bounds of the torques, shape (na,), Nm; read-only, known once a controller has the limits.
         rate: Greatest rates of the torques, shape (na,), Nm/s, read-only; None for none.
-        ratio: Share of the model's torque limits that may be used, read-only.
     """
 
     least: Array = result("_least", OPTIONS)

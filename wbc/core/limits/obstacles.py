@@ -217,7 +217,12 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     if isinstance(shape, CollisionHull):
         points = np.array(shape.points, dtype=float)
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        return coal_hull(points - middle), pin.SE3(np.eye(3), middle)
+        mesh = coal.BVHModelOBBRSS()
+        mesh.beginModel(0, len(points))
+        mesh.addVertices(points - middle)
+        mesh.endModel()
+        mesh.buildConvexHull(True, "Qt")
+        return mesh.convex, pin.SE3(np.eye(3), middle)
     if isinstance(shape, CollisionHalfSpace):
         length = math.hypot(*shape.normal)
         return coal.Halfspace(np.array(shape.normal) / length, shape.offset), pin.SE3.Identity()
@@ -226,13 +231,3 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     kind = coal.Capsule if isinstance(shape, CollisionCapsule) else coal.Cylinder
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
     return kind(shape.radius, length), pin.SE3(turn.matrix(), 0.5 * (start + end))
-
-
-def coal_hull(points: Array) -> Any:
-    """Return the convex hull of points, shape (n, 3), m, for coal."""
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(0, len(points))
-    mesh.addVertices(points)
-    mesh.endModel()
-    mesh.buildConvexHull(True, "Qt")
-    return mesh.convex

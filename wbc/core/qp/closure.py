@@ -78,8 +78,6 @@ class LoopClosure(Contact):
     the closure is bound.
 
     Attributes:
-        other: The second frame.
-        rotation: True if the orientations stay equal as well.
         directions: Directions of the rows, [linear; angular] in the axes of the first frame, shape (dim, 3 or 6).
     """
 

@@ -62,7 +62,6 @@ class Contact(Motion):
     """Base of contacts.
 
     Attributes:
-        name: Name in status tables and solutions, unique within a controller.
         frame: Frame of the robot that is in contact, read-only.
         dim: Number of motion rows and of force variables.
         ranged: Places of the force variables that have a range: the normal force alone, or all.
@@ -374,11 +373,7 @@ class SoleContact(HeldFrame):
     By default its normal force is at least 10 N, and less for a light robot (`Robot.force_scale`). Its default costs
     are 10⁻⁵ per N² of shear force, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² of moment.
 
-    Attributes:
-        sole: Name of the sole, read-only, as the following ones are.
-        margin: Distance that the CoP keeps from the edges of the box, m.
-        even: True if the yaw moment is bounded by that of a sole with uniform pressure.
-        torsion: Largest yaw moment divided by the normal force, m; None for flat ground.
+    The arguments are attributes, too. `sole`, the name of the sole, `margin`, `even` and `torsion` are read-only.
     """
 
     sole: str = result("name", OPTIONS)
@@ -527,10 +522,7 @@ class SoleContact(HeldFrame):
 class PointContact(Contact):
     """Contact at a point, such as a hand on a wall; its force is in a frame whose z axis is the normal of the surface.
 
-    Its cost is 10⁻⁵ per N² by default.
-
-    Attributes:
-        point: Place of the contact in the frame, shape (3,), m, read-only.
+    Its cost is 10⁻⁵ per N² by default. The arguments are attributes, too; `point` is read-only.
     """
 
     dim = 3

@@ -36,7 +36,6 @@ class Controller(Items):
     """Whole-body controller of one robot: `add` tasks, contacts and limits; `solve` the QP of each tick.
 
     Attributes:
-        robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
         settings: Settings of the solver.
         model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
         drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
@@ -67,7 +66,7 @@ class Controller(Items):
         """Make a controller without tasks, contacts or limits; `add` them.
 
         Args:
-            robot: The robot; its state is read, never written, by `solve`.
+            robot: The robot; update it before `solve`, which reads its state and writes nothing, or call `update`.
             dt: Control period, s.
             regularisation: Cost per squared acceleration of every coordinate, above zero. It makes the solution of the
                 QP unique, and has a row in the status table.
@@ -288,10 +287,7 @@ class Controller(Items):
 
     def status_table(self) -> str:
         """Return a printable table of the tasks, contacts and limits at the last tick."""
-        items = self._tasks, self._contacts
-        return status_table(
-            self.robot, self.dt, *items, self.regularisation, self._solution, self.held_back()
-        )
+        return status_table(self)
 
     def _repr_html_(self) -> str:
         return html_table(self.status_table())

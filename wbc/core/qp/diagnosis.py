@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import qpsolvers
 
 from wbc.base.numbers import Array
-from wbc.core.qp.contact import Contact
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import NEAR, SelectionTask, Task
-from wbc.core.robot import Robot
+
+if TYPE_CHECKING:
+    from wbc.core.qp.controller import Controller
 
 SLACK_TOLERANCE = 1e-4
 """Violation below which a group counts as satisfied, in the unit of its rows."""
@@ -115,17 +116,10 @@ def is_far(task: Task, rows: RowStore, residuals: Mapping[str, Array]) -> bool:
     )
 
 
-def status_table(
-    robot: Robot,
-    dt: float,
-    tasks: Sequence[Task],
-    contacts: Sequence[Contact],
-    regularisation: float,
-    solution: Solution | None,
-    held: Mapping[str, tuple[str, ...]],
-) -> str:
+def status_table(controller: Controller) -> str:
     """Return a table: tasks with weight, error, residual and what holds them back, contacts with forces, limits."""
-    lines = [f"{robot!r}  period {1e3 * dt:g} ms"]
+    robot, solution, held = controller.robot, controller.solution, controller.held_back()
+    lines = [f"{robot!r}  period {1e3 * controller.dt:g} ms"]
     if solution is None:
         lines.append("not solved yet")
     else:
@@ -137,7 +131,7 @@ def status_table(
         )
     lines.append(f"{'task':<24}{'rows':>5}  {'weight':>9}  {'error':>12}  {'residual':>14}")
     residuals = {} if solution is None else solution.residuals
-    for task in tasks:
+    for task in controller.tasks:
         weight = "hard" if task.hard else f"{(task.weight * task.scale).max():.3g}"
         error = f"{np.abs(task.error).max():.3g} {task.unit}"
         residual = (
@@ -147,9 +141,9 @@ def status_table(
         )
         by = f"  held back by {', '.join(held[task.name])}" if task.name in held else ""
         lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}{by}")
-    lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {regularisation:>9.3g}")
+    lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {controller.regularisation:>9.3g}")
     wrenches = {} if solution is None else solution.wrenches
-    for contact in contacts:
+    for contact in controller.contacts:
         state = "active" if contact.active else ("unloading" if contact.engaged else "off")
         force = wrenches.get(contact.name)
         text = "" if force is None else "  " + " ".join(f"{f:8.1f}" for f in force)

@@ -128,19 +128,6 @@ def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
     return np.array([robot.base_dof + robot.joint_index(joint) for joint in joints], dtype=np.intp)
 
 
-def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp]:
-    """Return the velocity coordinates that a task limited to `joints` must not use; none when it may use all.
-
-    A task that may move only some joints may not move the floating base, unless "base" is among them.
-    """
-    if joints is None:
-        return np.zeros(0, dtype=np.intp)
-    used = joint_columns(robot, [joint for joint in joints if joint != BASE])
-    if BASE in joints:
-        used = np.concatenate([np.arange(robot.base_dof), used])
-    return np.setdiff1d(np.arange(robot.nv), used)
-
-
 def distinct_joints(joints: str | Sequence[str]) -> list[str]:
     """Return the names as a list, a single name as a list of one; `InputError` for none at all, or one twice."""
     chosen = names_in("joints", joints)
@@ -193,8 +180,15 @@ class Choice:
         self.expected = np.zeros(0)
 
     def bind(self, robot: Robot, joints: Sequence[str] | None) -> None:
-        """Leave all coordinates but those of some joints out, which are the chosen ones unless a task has others."""
-        self._unused = other_columns(robot, joints)
+        """Leave all coordinates but those of some joints out, which are the chosen ones unless a task has others.
+
+        The floating base is left out, too, unless "base" is among the joints; with None nothing is.
+        """
+        self._unused = np.zeros(0, dtype=np.intp)
+        if joints is not None:
+            used = joint_columns(robot, [joint for joint in joints if joint != BASE])
+            base = np.arange(robot.base_dof if BASE in joints else 0)
+            self._unused = np.setdiff1d(np.arange(robot.nv), np.concatenate([base, used]))
         self._leave_out()
 
     def spare(self, task: str, value: NDArray[np.intp]) -> None:

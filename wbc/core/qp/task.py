@@ -54,7 +54,6 @@ class Task(Motion):
     which the error is zero, and `checked`, which checks a new target.
 
     Attributes:
-        name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error, such as "m", or "m|rad" for position and rotation. For motion tasks the unit of the
             residual is `unit`/s².
