@@ -18,7 +18,6 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import status_table
 from wbc.core.qp.items import ANOTHER, Item, Items
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
@@ -286,8 +285,45 @@ class Controller(Items):
     # ---- explanations -------------------------------------------------------------------------------------------
 
     def status_table(self) -> str:
-        """Return a printable table of the tasks, contacts and limits at the last tick."""
-        return status_table(self)
+        """Return a printable table of the last tick: tasks with what holds them back, contacts, active limits."""
+        robot, solution, held = self.robot, self._solution, self.held_back()
+        lines = [f"{robot!r}  period {1e3 * self.dt:g} ms"]
+        if solution is None:
+            lines.append("not solved yet")
+        else:
+            t = solution.timings
+            lines.append(
+                f"{solution.status.value} in {solution.iterations} iterations, {1e6 * t.total:.0f} µs (model "
+                f"{1e6 * t.model:.0f}, assembly {1e6 * t.assembly:.0f}, solve {1e6 * t.solve:.0f}, "
+                f"decode {1e6 * t.decode:.0f})"
+            )
+        lines.append(f"{'task':<24}{'rows':>5}  {'weight':>9}  {'error':>12}  {'residual':>14}")
+        residuals = {} if solution is None else solution.residuals
+        for task in self._tasks:
+            weight = "hard" if task.hard else f"{(task.weight * task.scale).max():.3g}"
+            error = f"{np.abs(task.error).max():.3g} {task.unit}"
+            residual = (
+                f"{np.abs(residuals[task.name]).max():.3g} {task.residual_unit}"
+                if task.name in residuals
+                else "–"
+            )
+            by = f"  held back by {', '.join(held[task.name])}" if task.name in held else ""
+            lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}{by}")
+        lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {self.regularisation:>9.3g}")
+        wrenches = {} if solution is None else solution.wrenches
+        for contact in self._contacts:
+            state = "active" if contact.active else ("unloading" if contact.engaged else "off")
+            force = wrenches.get(contact.name)
+            text = "" if force is None else "  " + " ".join(f"{f:8.1f}" for f in force)
+            lines.append(f"{'contact ' + contact.name:<24}{state:>10}{text}")
+        if solution is not None:
+            active = solution.active_limits
+            names = [
+                f"{name} (×{active.count(name)})" if active.count(name) > 1 else name
+                for name in dict.fromkeys(active)
+            ]
+            lines.append("active limits: " + (", ".join(names) or "none"))
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return html_table(self.status_table())

@@ -1,9 +1,8 @@
-"""Reports for people: which constraints contradict each other, and a table of tasks, contacts and active limits."""
+"""Reports for people: which constraints contradict each other, and what holds tasks off their targets."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import qpsolvers
@@ -12,9 +11,6 @@ from wbc.base.numbers import Array
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import NEAR, SelectionTask, Task
-
-if TYPE_CHECKING:
-    from wbc.core.qp.controller import Controller
 
 SLACK_TOLERANCE = 1e-4
 """Violation below which a group counts as satisfied, in the unit of its rows."""
@@ -114,45 +110,3 @@ def is_far(task: Task, rows: RowStore, residuals: Mapping[str, Array]) -> bool:
         size > NEAR.get(unit, NEAR["m"]) * (float(gains[part].max()) or 1.0)
         for unit, part, size in task.sizes(residuals[task.name])
     )
-
-
-def status_table(controller: Controller) -> str:
-    """Return a table: tasks with weight, error, residual and what holds them back, contacts with forces, limits."""
-    robot, solution, held = controller.robot, controller.solution, controller.held_back()
-    lines = [f"{robot!r}  period {1e3 * controller.dt:g} ms"]
-    if solution is None:
-        lines.append("not solved yet")
-    else:
-        t = solution.timings
-        lines.append(
-            f"{solution.status.value} in {solution.iterations} iterations, {1e6 * t.total:.0f} µs (model "
-            f"{1e6 * t.model:.0f}, assembly {1e6 * t.assembly:.0f}, solve {1e6 * t.solve:.0f}, "
-            f"decode {1e6 * t.decode:.0f})"
-        )
-    lines.append(f"{'task':<24}{'rows':>5}  {'weight':>9}  {'error':>12}  {'residual':>14}")
-    residuals = {} if solution is None else solution.residuals
-    for task in controller.tasks:
-        weight = "hard" if task.hard else f"{(task.weight * task.scale).max():.3g}"
-        error = f"{np.abs(task.error).max():.3g} {task.unit}"
-        residual = (
-            f"{np.abs(residuals[task.name]).max():.3g} {task.residual_unit}"
-            if task.name in residuals
-            else "–"
-        )
-        by = f"  held back by {', '.join(held[task.name])}" if task.name in held else ""
-        lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}{by}")
-    lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {controller.regularisation:>9.3g}")
-    wrenches = {} if solution is None else solution.wrenches
-    for contact in controller.contacts:
-        state = "active" if contact.active else ("unloading" if contact.engaged else "off")
-        force = wrenches.get(contact.name)
-        text = "" if force is None else "  " + " ".join(f"{f:8.1f}" for f in force)
-        lines.append(f"{'contact ' + contact.name:<24}{state:>10}{text}")
-    if solution is not None:
-        active = solution.active_limits
-        names = [
-            f"{name} (×{active.count(name)})" if active.count(name) > 1 else name
-            for name in dict.fromkeys(active)
-        ]
-        lines.append("active limits: " + (", ".join(names) or "none"))
-    return "\n".join(lines)
