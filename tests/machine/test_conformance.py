@@ -20,7 +20,7 @@ import wbc
 from wbc import Command, Measurement
 from wbc.feet import foot
 from wbc.machine import conformance
-from wbc.machine.conformance import CHECKS, Check
+from wbc.machine.conformance import CHECKS
 from wbc.sim import Machine, MujocoLoop, Plant, with_feet
 
 ONE, NONE = (1.0, 0.05), (0.0, 0.1)
@@ -178,29 +178,6 @@ def test_a_fault_of_the_command_is_named(fault: str, loop: Callable[[], Any]) ->
         assert set(wrong) <= {name, "velocity reference"}, f"{fault}: {report}"
 
 
-def test_what_is_sent_moves_no_joint_by_more_than_a_few_degrees() -> None:
-    """Where servos alone hold a joint: kp Δq = τ + kd q̇_ref. Torques alone are a tenth of the limits."""
-    sent: list[Command] = []
-    conformance(Wrapped(Light(), lambda command: [sent.append(command), command][1]))
-    robot, legs = DESCRIPTION.robot(), [name for leg in DESCRIPTION.legs for name in leg]
-    free = [name not in legs for name in robot.joint_names]
-    most, dragged = np.zeros((2, NA))
-    for c in sent:
-        if c.joint_position is None:
-            continue
-        kp, kd = (
-            own if given is None else given for given, own in ((c.kp, DESCRIPTION.kp), (c.kd, DESCRIPTION.kd))
-        )
-        off = c.joint_position - robot.half_sitting[7:]
-        most = np.maximum(most, np.abs(off))
-        if not off.any():  # held: by velocity references
-            dragged = np.maximum(dragged, np.abs(kd * c.joint_velocity / kp))
-        assert (np.abs(c.joint_torque) <= 0.15 * robot.torque_limit + 1e-9).all()
-    assert most.min() == pytest.approx(0.02) and most.max() < 0.08
-    np.testing.assert_allclose(dragged[free], np.minimum(0.02, DESCRIPTION.kd / DESCRIPTION.kp)[free])
-    assert not dragged[~np.array(free)].any()
-
-
 def test_the_pressure_of_a_foot_that_hardly_carries_is_not_judged() -> None:
     """On a foot with less than a tenth of the weight a centre of pressure 0.3 m away is noise."""
 
@@ -268,91 +245,3 @@ def test_joints_without_mass_are_found_as_they_are() -> None:
     assert late["delay"].state == late["torque"].state == "ok"
     lags = [re.match(r"(-?[0-9.]+) ms behind", check.found) for check in (prompt["delay"], late["delay"])]
     assert [float(lag[1]) for lag in lags if lag] == pytest.approx([0.0, 10.0], abs=2.0)
-
-
-# Figures of a body that stands: those of what a good loop has measured, scaled.
-
-
-def checks_of(fault: Callable[[Measurement, int], Measurement]) -> dict[str, Check]:
-    return {check.name: check for check in conformance(Recorded(fault)).checks}
-
-
-def numbers(check: Check) -> list[float]:
-    return [float(text) for text in re.findall(r"[+-]?\d+\.?\d*", check.found)]
-
-
-def test_figures_of_a_body_that_stands_are_those_by_which_they_are_scaled() -> None:
-    """Rates by 0.9 and wrenches by 1.05."""
-
-    def fault(m: Measurement, tick: int) -> Measurement:
-        return replace(m, angular_velocity=0.9 * m.angular_velocity, sole_wrench=1.05 * m.sole_wrench)
-
-    good, found = checks_of(lambda m, tick: m), checks_of(fault)
-    assert numbers(found["gyroscope"])[0] == pytest.approx(0.9 * numbers(good["gyroscope"])[0], abs=0.006)
-    assert numbers(found["weight"])[0] == pytest.approx(1.05 * numbers(good["weight"])[0], abs=0.006)
-    assert numbers(found["sides"])[0] == pytest.approx(1.05 * numbers(good["sides"])[0], abs=0.11)
-    assert {check.state for check in found.values()} == {"ok"}
-    # The centre of pressure is a quotient.
-    assert numbers(found["wrench frame"]) == pytest.approx(numbers(good["wrench frame"]), abs=0.011)
-
-
-@pytest.mark.parametrize(
-    ("name", "fault", "state"),
-    [
-        ("weight", lambda m, k: replace(m, sole_wrench=1.07 * m.sole_wrench), "ok"),
-        ("weight", lambda m, k: replace(m, sole_wrench=1.09 * m.sole_wrench), "wrong"),
-        ("weight", lambda m, k: replace(m, sole_wrench=0.91 * m.sole_wrench), "wrong"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.53 * m.angular_velocity), "ok"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.47 * m.angular_velocity), "wrong"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.55 * m.angular_velocity), "ok"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.7 * m.angular_velocity), "wrong"),
-    ],
-)
-def test_a_body_is_judged_from_a_bound_on(
-    name: str, fault: Callable[[Measurement, int], Measurement], state: str
-) -> None:
-    assert checks_of(fault)[name].state == state
-
-
-def test_an_imu_that_is_turned_a_little_is_told_its_angle() -> None:
-    """About the vertical, which turns no gravity: by 20° turns agree to (1 + 2 cos 20°) / 3."""
-    robot = DESCRIPTION.robot()
-    frame = robot.placement(robot.imu_frame).rotation
-    for angle in (20.0, 50.0):
-        turn = frame.T @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(angle)) @ frame
-
-        def fault(m: Measurement, tick: int, turn: np.ndarray = turn) -> Measurement:
-            return replace(
-                m, angular_velocity=turn @ m.angular_velocity, specific_force=turn @ m.specific_force
-            )
-
-        agree, _, by = numbers(checks_of(fault)["IMU frame"])
-        assert agree == pytest.approx((1.0 + 2.0 * np.cos(np.radians(angle))) / 3.0, abs=0.03)
-        assert by == pytest.approx(angle, abs=2.0)
-
-
-def test_moments_about_another_point_are_told_by_its_place() -> None:
-    """A point 12 mm behind and 9 mm beside the centre of a sole puts the pressure as far ahead and aside."""
-    good = numbers(checks_of(lambda m, tick: m)["wrench frame"])
-    for x, y in ((0.012, 0.0), (0.0, 0.009)):
-
-        def fault(m: Measurement, tick: int, x: float = x, y: float = y) -> Measurement:
-            moved = np.array(m.sole_wrench)
-            moved[:, 3] += y * moved[:, 2]
-            moved[:, 4] -= x * moved[:, 2]
-            return replace(m, sole_wrench=moved)
-
-        found = numbers(checks_of(fault)["wrench frame"])
-        assert found[2:4] == pytest.approx([good[2] + 1e3 * x, good[3] + 1e3 * y], abs=1.6)
-
-
-def test_zeros_of_a_leg_show_in_the_height_and_tilt_of_its_sole() -> None:
-    """By 0.03 rad at the left ankle, which bends the sole of a robot that stands by 1.7°; from 2° on it is wrong."""
-    ankle = DESCRIPTION.joint_names.index("left_ankle_pitch_joint")
-    for angle, state in ((0.03, "ok"), (0.04, "wrong")):
-        off = np.zeros(NA)
-        off[ankle] = angle
-        fault: Any = lambda m, tick, off=off: replace(m, joint_position=m.joint_position + off)  # noqa: E731
-        found = checks_of(fault)["soles"]
-        _, tilt = numbers(found)
-        assert tilt == pytest.approx(np.degrees(angle), abs=0.11) and found.state == state

@@ -96,13 +96,47 @@ def test_a_machine_that_takes_gains_for_others_acts_with_those() -> None:
     assert numbers(found["torque"]) == pytest.approx([1.0 / 0.7], abs=0.03)
     assert found["commanded gains"].state == "ok"
     assert numbers(found["commanded gains"]) == pytest.approx([0.5, 0.5], abs=0.03)
-    for scale, wrong in ((1.55, ""), (1.65, "kp"), (0.45, ""), (0.35, "kp")):
 
-        def stiff(c: Command, scale: float = scale) -> Command:
-            return c if c.kp is None or c.kd is None else replace(c, kp=scale * c.kp, kd=scale * c.kd)
 
-        check = checks_of(Hung(out=stiff))["commanded gains"]
-        assert (check.state == "wrong") == bool(wrong) and wrong in check.found
+@pytest.mark.parametrize(
+    ("clock", "force", "rate", "zero", "gain", "state"),
+    [
+        (1.049, 1.05, 1.38, 0.049, 1.55, "ok"),
+        (1.051, 1.052, 1.42, 0.051, 1.65, "wrong"),
+        (0.951, 0.95, 0.62, -0.049, 0.45, "ok"),
+        (0.949, 0.948, 0.58, -0.051, 0.35, "wrong"),
+    ],
+)
+def test_figures_are_those_of_the_faults_and_wrong_from_a_bound_on(
+    clock: float, force: float, rate: float, zero: float, gain: float, state: str
+) -> None:
+    """Clock within 5 %, accelerometer within 0.5 m/s², velocity of a joint within 0.4, its zero within 50 mrad."""
+    one, off = np.ones(NA), np.zeros(NA)
+    one[4], off[7] = rate, zero
+
+    def fault(m: Measurement, tick: int) -> Measurement:
+        return replace(
+            m,
+            time=clock * m.time,
+            specific_force=force * m.specific_force,
+            joint_velocity=one * m.joint_velocity,
+            joint_position=m.joint_position + off,
+        )
+
+    def stiff(c: Command) -> Command:
+        return c if c.kp is None or c.kd is None else replace(c, kp=gain * c.kp, kd=gain * c.kd)
+
+    found = checks_of(Hung(fault, stiff))
+    for name in ("clock", "accelerometer", "joint velocity", "joint zero", "commanded gains"):
+        assert found[name].state == state, found[name]
+    hertz, stated, period, worst = numbers(found["clock"])
+    assert (hertz, stated) == (pytest.approx(200.0 / clock, abs=0.51), 200.0)
+    assert period == pytest.approx(5.0 * clock, abs=1e-3)
+    assert worst == pytest.approx(abs(clock - 1.0) * 5.0, abs=1e-3)
+    assert numbers(found["accelerometer"])[0] == pytest.approx(force * GRAVITY, abs=5e-3)
+    assert numbers(found["joint velocity"])[0] == pytest.approx(1.0, abs=0.01)
+    assert (NAMES[4] in found["joint velocity"].found) == (state == "wrong")
+    assert found["joint zero"].found.startswith(f"{NAMES[7]} {1e3 * zero:+.0f} mrad from half-sitting")
 
 
 @pytest.mark.parametrize("size", [1.7, 0.6])
@@ -118,28 +152,34 @@ def test_the_way_of_the_joints_is_told_as_a_share_of_their_step(size: float) -> 
         assert numbers(found[name]) == pytest.approx([size * numbers(PROMPT[name])[0]], abs=0.02)
 
 
-def test_joints_that_go_too_far_or_too_little_are_named_one_by_one() -> None:
-    """Beyond 2.5 times the step, and below 0.3 of it where nothing holds the joint; both in another unit."""
-    for size, odd in ((2.4, False), (2.6, True), (0.33, False), (0.27, True)):
-        one = np.ones(NA)
-        one[FREE[2]] = size
+@pytest.mark.parametrize(
+    ("size", "late", "force", "cause"),
+    [
+        (2.4, 0.0024, 1.15, "in_g"),
+        (2.6, 0.0026, 1.0, "in_g"),
+        (0.33, 0.0024, 1.9, "without_gravity"),
+        (0.27, 0.0026, 2.1, "unit"),
+    ],
+)
+def test_a_joint_that_goes_too_far_or_too_little_is_named_and_jitter_and_units_are_told(
+    size: float, late: float, force: float, cause: str
+) -> None:
+    """Beyond 2.5 of the step, below 0.3 of it where nothing holds the joint; half a period; g within a fifth."""
+    one, joint = np.ones(NA), FREE[2]
+    one[joint] = size
 
-        def fault(m: Measurement, tick: int, one: np.ndarray = one) -> Measurement:
-            position = REFERENCE + one * (m.joint_position - REFERENCE)
-            return replace(m, joint_position=position, joint_velocity=one * m.joint_velocity)
+    def fault(m: Measurement, tick: int) -> Measurement:
+        position = REFERENCE + one * (m.joint_position - REFERENCE)
+        moved = replace(m, joint_position=position, joint_velocity=one * m.joint_velocity)
+        return replace(
+            moved, time=m.time + late * (tick == 50), specific_force=force / GRAVITY * m.specific_force
+        )
 
-        check = checks_of(Hung(fault))["joint motion"]
-        assert (check.state == "wrong") == odd and (NAMES[FREE[2]] in check.found) == odd
-
-
-def test_a_velocity_that_is_off_is_named_beyond_four_tenths() -> None:
-    for size, odd in ((1.38, False), (1.42, True), (0.62, False), (0.58, True)):
-        one = np.ones(NA)
-        one[4] = size
-        fault: Any = lambda m, tick, one=one: replace(m, joint_velocity=one * m.joint_velocity)  # noqa: E731
-        check = checks_of(Hung(fault))["joint velocity"]
-        assert (check.state == "wrong") == odd and (NAMES[4] in check.found) == odd
-        assert numbers(check)[0] == pytest.approx(1.0, abs=0.01)
+    found, odd = checks_of(Hung(fault)), not 0.3 < size < 2.5
+    assert (found["joint motion"].state == "wrong") == (NAMES[joint] in found["joint motion"].found) == odd
+    assert numbers(found["clock"])[3] == pytest.approx(1e3 * late, abs=1e-3)
+    assert (found["clock"].state == "wrong") == (late > 0.0025)
+    assert found["accelerometer"].cause == CAUSES["accelerometer"][cause]
 
 
 def test_joints_that_move_each_other_are_named_and_those_that_do_not_move_are_counted() -> None:
@@ -157,7 +197,7 @@ def test_joints_that_move_each_other_are_named_and_those_that_do_not_move_are_co
     assert (
         f"{NAMES[3]} moves {NAMES[20]}" in swapped.found and f"{NAMES[20]} moves {NAMES[3]}" in swapped.found
     )
-    for count, lost in ((3, False), (NA // 2 - 1, False), (NA // 2, True)):
+    for count, lost in ((NA // 2 - 1, False), (NA // 2, True)):
         still = np.arange(NA) < count
 
         def fault(m: Measurement, tick: int, still: np.ndarray = still) -> Measurement:
@@ -176,7 +216,7 @@ def test_joints_that_move_each_other_are_named_and_those_that_do_not_move_are_co
 
 def test_samples_that_repeat_are_counted_from_a_quarter_on() -> None:
     """Of ticks that repeat every n-th sample one in n does; the second half of a motion is at rest and not counted."""
-    for every, share in ((2, 50.0), (3, 33.0), (5, 20.0)):
+    for every, share in ((3, 33.0), (5, 20.0)):
         kept: list[Measurement] = []
 
         def fault(
@@ -191,16 +231,7 @@ def test_samples_that_repeat_are_counted_from_a_quarter_on() -> None:
         assert (check.state == "wrong") == (numbers(check)[0] >= 25.0)
 
 
-@pytest.mark.parametrize("offset", [0.049, -0.051])
-def test_the_zero_of_an_encoder_is_told_in_milliradians(offset: float) -> None:
-    off = np.zeros(NA)
-    off[7] = offset
-    found = checks_of(Hung(lambda m, tick: replace(m, joint_position=m.joint_position + off)))["joint zero"]
-    assert found.found.startswith(f"{NAMES[7]} {1e3 * offset:+.0f} mrad from half-sitting")
-    assert (found.state == "wrong") == (abs(offset) > 0.05)
-
-
-@pytest.mark.parametrize("late", [0, 1, 3])
+@pytest.mark.parametrize("late", [1, 3])
 def test_a_delay_is_that_of_torques_and_of_references(late: int) -> None:
     """Beside it stands what was stated; more than a period longer is wrong."""
     delay = late * PERIOD
@@ -209,44 +240,6 @@ def test_a_delay_is_that_of_torques_and_of_references(late: int) -> None:
         lag, acts = numbers(found)
         assert lag == pytest.approx(numbers(PROMPT["delay"])[0] + 1e3 * delay, abs=1.0)
         assert acts == pytest.approx(1e3 * delay) and (found.state == "wrong") == wrong
-
-
-@pytest.mark.parametrize(
-    ("scale", "state"), [(1.0, "ok"), (1.049, "ok"), (1.051, "wrong"), (0.951, "ok"), (0.949, "wrong")]
-)
-def test_the_clock_is_told_by_its_rate_and_its_worst_period(scale: float, state: str) -> None:
-    found = checks_of(Hung(lambda m, tick: replace(m, time=scale * m.time)))["clock"]
-    rate, stated, period, worst = numbers(found)
-    assert (rate, stated) == (pytest.approx(200.0 / scale, abs=0.51), 200.0)
-    assert period == pytest.approx(5.0 * scale, abs=1e-3)
-    assert worst == pytest.approx(abs(scale - 1.0) * 5.0, abs=1e-3)
-    assert found.state == state
-
-
-def test_jitter_is_told_from_half_a_period_on() -> None:
-    for off, state in ((0.0024, "ok"), (0.0026, "wrong")):
-        jump: Any = lambda m, tick, off=off: replace(m, time=m.time + off * (tick == 50))  # noqa: E731
-        found = checks_of(Hung(jump))["clock"]
-        assert numbers(found)[3] == pytest.approx(1e3 * off, abs=1e-3) and found.state == state
-
-
-@pytest.mark.parametrize(("size", "state"), [(1.05, "ok"), (1.052, "wrong"), (0.95, "ok"), (0.948, "wrong")])
-def test_an_accelerometer_is_off_from_half_a_metre_per_second_squared_on(size: float, state: str) -> None:
-    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=size * m.specific_force)))[
-        "accelerometer"
-    ]
-    assert numbers(found)[0] == pytest.approx(size * GRAVITY, abs=5e-3) and found.state == state
-
-
-@pytest.mark.parametrize(("angle", "state"), [(0.30, "ok"), (0.33, "wrong")])
-def test_an_imu_of_a_robot_that_hangs_is_told_by_the_vertical(angle: float, state: str) -> None:
-    """Its cosine is to be above 0.95."""
-    turn = pin.rpy.rpyToMatrix(0.6 * angle, 0.8 * angle, 0.0)
-    up = DESCRIPTION.robot().placement(DESCRIPTION.robot().imu_frame).rotation
-    turned: Any = lambda m, tick: replace(m, specific_force=up.T @ turn @ up @ m.specific_force)  # noqa: E731
-    found = checks_of(Hung(turned))["IMU frame"]
-    assert numbers(found)[0] == pytest.approx(float(turn[2, 2]), abs=1e-3)
-    assert found.state == state == ("ok" if turn[2, 2] > 0.95 else "wrong")
 
 
 def test_pulses_of_torque_leave_neither_a_velocity_nor_a_drift_of_it() -> None:
@@ -279,7 +272,7 @@ def test_shapes_that_are_wrong_are_told_each_and_those_that_are_right_by_their_n
     assert {check.found for name, check in found.items() if name != "shapes"} == {"shapes are wrong"}
 
 
-@pytest.mark.parametrize(("reversed_", "told"), [(0, True), (9, True), (12, False), (20, True)])
+@pytest.mark.parametrize(("reversed_", "told"), [(9, True), (12, False), (20, True)])
 def test_a_machine_that_follows_torques_alone_is_told_by_two_thirds_of_its_joints(
     reversed_: int, told: bool
 ) -> None:
@@ -312,31 +305,16 @@ def test_joints_that_go_to_and_fro_are_counted_and_the_fastest_is_named() -> Non
     assert checks_of(Hung(fault))["rest"].found == f"{NAMES[0]} at 0.00 rad/s"
 
 
-@pytest.mark.parametrize(("angle", "reversed_"), [(0.9, False), (2.33, False), (2.37, True), (3.0, True)])
-def test_an_accelerometer_that_points_down_is_told_from_an_imu_that_is_turned(
-    angle: float, reversed_: bool
-) -> None:
-    """By a cosine of −0.7 to the vertical; the sign is told before the frame, of which nothing is known then."""
-    up = DESCRIPTION.robot().placement(DESCRIPTION.robot().imu_frame).rotation
-    turn = up.T @ pin.rpy.rpyToMatrix(0.0, angle, 0.0) @ up
-    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=turn @ m.specific_force)))
-    assert found["accelerometer"].state == ("wrong" if reversed_ else "ok")
-    assert found["IMU frame"].state == ("unknown" if reversed_ else "wrong")
-    assert ("reversed" in found["accelerometer"].cause) == reversed_
-    if not reversed_:
-        assert numbers(found["IMU frame"])[0] == pytest.approx(np.cos(angle), abs=1e-3)
-
-
 @pytest.mark.parametrize(
-    ("size", "cause"),
-    [
-        (1.0 / GRAVITY, "in_g"),
-        (1.15 / GRAVITY, "in_g"),
-        (1.9 / GRAVITY, "without_gravity"),
-        (2.1 / GRAVITY, "unit"),
-    ],
+    ("angle", "state", "kind"),
+    [(0.30, "ok", "ok"), (0.33, "ok", "wrong"), (2.33, "ok", "wrong"), (2.37, "wrong", "unknown")],
 )
-def test_an_accelerometer_in_another_unit_is_told_by_its_size(size: float, cause: str) -> None:
-    """In g within a fifth; below 2 m/s² it feels no gravity; else it is off by half a metre per second squared."""
-    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=size * m.specific_force)))
-    assert found["accelerometer"].cause == CAUSES["accelerometer"][cause]
+def test_an_imu_of_a_robot_that_hangs_is_told_by_the_vertical(angle: float, state: str, kind: str) -> None:
+    """Its cosine is to be above 0.95; below −0.7 the sign is told, before the frame, of which nothing is known then."""
+    turn = pin.rpy.rpyToMatrix(0.0, angle, 0.0)
+    up = DESCRIPTION.robot().placement(DESCRIPTION.robot().imu_frame).rotation
+    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=up.T @ turn @ up @ m.specific_force)))
+    assert (found["accelerometer"].state, found["IMU frame"].state) == (state, kind)
+    assert ("reversed" in found["accelerometer"].cause) == (state == "wrong")
+    if kind != "unknown":
+        assert numbers(found["IMU frame"])[0] == pytest.approx(np.cos(angle), abs=1e-3)

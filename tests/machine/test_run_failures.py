@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hanging import SimulatedTime
 from machine_process import Process
 from own_control import OwnControl
 from simulated_machine import (
     DESCRIPTION,
     NA,
     PERIOD,
-    SimulatedMachine,
+    Ideal,
     bent,
     commands_by_phase,
     make,
@@ -49,7 +48,7 @@ def stopped() -> Stopped:
 
 
 ZERO = np.zeros(NA)
-ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMachine, Runner], None] | None, str]] = {
+ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[Ideal, Runner], None] | None, str]] = {
     "silence": ({}, lambda m, _: setattr(m, "silent_after", m.clock.time - 100.0), "no measurement for 1[5-9] ms"),
     "fault": ({}, lambda m, _: setattr(m, "fault", "motor off"), "fault of the machine: motor off$"),
     "emergency stop": ({}, lambda _, r: r.emergency_stop(), "emergency stop$"),
@@ -71,7 +70,7 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
     ],
 )
 def test_whatever_fails_ends_in_damping(end: str) -> None:
-    machine, (parts, happens, reason) = SimulatedMachine(SimulatedTime()), ENDS[end]
+    machine, (parts, happens, reason) = Ideal(), ENDS[end]
     runner = make(machine, parts() if callable(parts) else OwnControl(**parts) if parts else None, load=0.0)
     sent = commands_by_phase(machine, runner)
 
@@ -91,7 +90,7 @@ def test_whatever_fails_ends_in_damping(end: str) -> None:
 
 @pytest.mark.parametrize("fails", [3, 10**9], ids=["for a while", "always"])
 def test_damping_that_fails_is_tried_again_and_the_guard_damps_meanwhile(fails: int) -> None:
-    machine, said = SimulatedMachine(SimulatedTime()), list[str]()
+    machine, said = Ideal(), list[str]()
     damp, left = machine.damp, [fails]
 
     def failing() -> None:
@@ -119,7 +118,7 @@ def test_damping_that_fails_is_tried_again_and_the_guard_damps_meanwhile(fails: 
 
 @pytest.mark.parametrize("gains", ["stiff", (ZERO[:3], ZERO[:3]), (ZERO * np.nan, ZERO), (ZERO,)])
 def test_gains_of_a_driver_that_are_none_are_refused_and_the_joints_damped(gains: Any) -> None:
-    machine = SimulatedMachine(SimulatedTime())
+    machine = Ideal()
     machine.gains = gains
     with pytest.raises(InputError, match="gains of a driver"):
         make(machine).run(1.0)
@@ -128,7 +127,7 @@ def test_gains_of_a_driver_that_are_none_are_refused_and_the_joints_damped(gains
 
 def test_a_measurement_that_is_refused_leaves_the_last_command_as_it_is() -> None:
     """For a few ticks on the way to half-sitting; then the motion goes on where it would be."""
-    machine = SimulatedMachine(SimulatedTime(), bent())
+    machine = Ideal(bent())
     read, ticks = machine.read, [0]
 
     def broken(timeout: float) -> Measurement | None:
@@ -153,9 +152,9 @@ def test_a_measurement_that_is_refused_leaves_the_last_command_as_it_is() -> Non
 
 def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
     """Ticks go on at their own times: the next one at the first that has not passed."""
-    machine = SimulatedMachine(SimulatedTime())
+    machine = Ideal()
     read = machine.read
-    machine.read = lambda timeout: replace(read(timeout) or machine.loop.measure())  # type: ignore[method-assign]
+    machine.read = lambda timeout: replace(read(timeout) or machine.measure())  # type: ignore[method-assign]
     runner = make(machine, stop=0.0)
     begins: list[float] = []
     extra = dict(zip((5, 10, 15), (0.5, 1.4, 2.6), strict=True))  # periods
@@ -175,10 +174,10 @@ def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
 
 
 def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:
-    silent, other, dead = (SimulatedMachine(SimulatedTime()) for _ in range(3))
+    silent, other, dead = (Ideal() for _ in range(3))
     silent.silent_after = -1.0
     other.description = wbc.load_robot("hrp4_class")
-    bad = replace(dead.loop.measure(), joint_position=np.full(NA, np.nan))
+    bad = replace(dead.measure(), joint_position=np.full(NA, np.nan))
     dead.read = lambda timeout: bad  # type: ignore[method-assign]
     for machine, words in (
         (silent, "no measurement from the machine within 0.5 s"),

@@ -9,6 +9,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
+from at_rest import at_rest
 from hanging import SimulatedTime
 
 import wbc
@@ -50,11 +52,6 @@ class SimulatedMachine(Driver):
         self._told = measurement.time
         return measurement
 
-    def freeze(self) -> None:
-        """Send the same measurement again and again from now on."""
-        frozen = self.loop.measure()
-        self.read = lambda timeout: replace(frozen)  # type: ignore[method-assign]
-
     def write(self, command: Command) -> None:
         self.commands += 1
         self.loop.step(command)
@@ -65,7 +62,45 @@ class SimulatedMachine(Driver):
         self.loop.step(Command(zero, q, zero, kp=zero, kd=0.1 * DESCRIPTION.kd))
 
 
-def make(machine: SimulatedMachine, control: Any = None, **options: object) -> Runner:
+class Ideal(Driver):
+    """A robot on the ground whose joints are at once where they are sent, and whose base leans by a pitch, rad."""
+
+    def __init__(self, q: np.ndarray | None = None) -> None:
+        self.description, self.clock = DESCRIPTION, SimulatedTime()
+        self.robot, self.commands, self.damped, self._told = DESCRIPTION.robot(), 0, 0, -1.0
+        self.q = np.array(self.robot.half_sitting if q is None else q)[7:]
+        self.pitch = self.rate = 0.0
+        self.silent_after = float("inf")
+
+    def measure(self) -> Measurement:
+        up = pin.rpy.rpyToMatrix(0.0, self.pitch, 0.0).T @ [0.0, 0.0, 9.80665]
+        still = at_rest(self.robot, self._told - 100.0, joint_position=self.q.copy(), specific_force=up)
+        return replace(still, angular_velocity=np.array([0.0, self.rate, 0.0]))
+
+    def read(self, timeout: float) -> Measurement | None:
+        now = round(self.clock.time / PERIOD) * PERIOD
+        if now <= self._told or self.clock.time - 100.0 > self.silent_after:
+            self.clock.time += timeout
+            return None
+        self.pitch += self.rate * (now - self._told) if self._told > 0.0 else 0.0
+        self._told = now
+        return self.measure()
+
+    def freeze(self) -> None:
+        """Send the same measurement again and again from now on."""
+        frozen = self.measure()
+        self.read = lambda timeout: replace(frozen)  # type: ignore[method-assign]
+
+    def write(self, command: Command) -> None:
+        self.commands += 1
+        if command.joint_position is not None:
+            self.q = command.joint_position.copy()
+
+    def damp(self) -> None:
+        self.damped += 1
+
+
+def make(machine: SimulatedMachine | Ideal, control: Any = None, **options: object) -> Runner:
     if control is None:
         control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
     values = {"fade": 0.2, "blend": 0.2, "stop": 0.2} | options
@@ -83,7 +118,7 @@ def bent() -> np.ndarray:
     return DESCRIPTION.robot().configuration(joints)
 
 
-def commands_by_phase(machine: SimulatedMachine, runner: Runner) -> dict[Phase, list[Command]]:
+def commands_by_phase(machine: SimulatedMachine | Ideal, runner: Runner) -> dict[Phase, list[Command]]:
     """Commands that a runner sends from now on, by its phase."""
     sent: dict[Phase, list[Command]] = {phase: [] for phase in Phase}
     write = machine.write
