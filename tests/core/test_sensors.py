@@ -14,11 +14,10 @@ from at_rest import at_rest, observed
 from wbc import TorqueControl, balance_controller
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.checks.accelerometer import AccelerometerCheck
-from wbc.core.estimation.checks.consistency import ConsistencyMonitor
-from wbc.core.estimation.checks.frozen import FROZEN_AFTER
+from wbc.core.estimation.checks.consistency import FROZEN_AFTER, ConsistencyMonitor
 from wbc.core.estimation.checks.plausibility import Plausibility
+from wbc.core.estimation.foot import FeetAtRest
 from wbc.core.estimation.inertial import Correction
-from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant

@@ -76,14 +76,12 @@ def test_a_clock_sleeps_until_shortly_before_an_instant_and_never_too_long(
     assert slept == pytest.approx([0.1 - clock.SPIN, 0.1 - clock.SPIN], abs=1e-4)
 
 
-def test_page_faults_and_collections_are_those_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_faults_are_those_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = iter([types.SimpleNamespace(ru_majflt=n, ru_minflt=10 * n) for n in (3, 8)])
     monkeypatch.setattr(clock.resource, "getrusage", lambda who: next(usage))
-    counts = iter([4, 6])
-    monkeypatch.setattr(clock.gc, "get_stats", lambda: [{"collections": next(counts)}])
     with clock.quiet(None) as got:
-        assert got.page_faults == (0, 0) and got.collections == 0
-    assert got.page_faults == (5, 50) and got.collections == 2
+        assert got.page_faults == (0, 0)
+    assert got.page_faults == (5, 50)
 
 
 class Child:
@@ -138,7 +136,7 @@ def test_a_guard_gets_the_driver_and_the_number_of_its_loop_and_sees_beats_alarm
 def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
     """Ends of classes in ms; what is beyond the last one is in a class without an end; the text has the totals."""
     late, busy = np.array([0.0, 0.04, 0.06, 3.0, 250.0]) * 1e-3, np.array([0.6, 0.7, 0.8, 0.9, 15.0]) * 1e-3
-    got = clock.Quiet(memory_locked=True, priority=50, page_faults=(7, 900), collections=3)
+    got = clock.Quiet(memory_locked=True, priority=50, page_faults=(7, 900))
     report = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, got, 0.002)
     counts = report.histogram()
     assert counts["late"] == [2, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] and sum(counts["busy"]) == 5
@@ -207,8 +205,6 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
     monkeypatch.setattr(os, "sched_getscheduler", lambda process: 2, raising=False)
     monkeypatch.setattr(os, "sched_getparam", lambda process: 80, raising=False)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given), raising=False)
-    collected = iter([[{"collections": 5}, {"collections": 2}], [{"collections": 6}, {"collections": 4}]])
-    monkeypatch.setattr(clock.gc, "get_stats", lambda: next(collected))
     clock.gc.freeze()
     assert clock.gc.isenabled()
     with clock.quiet(7 if locks else None) as got:
@@ -216,6 +212,6 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
         assert calls == [("lock", clock.LOCK_ALL), ("timers", 1, 0, 0, 0)]
         calls.clear()
     assert clock.gc.isenabled() and clock.gc.get_freeze_count() > 0, "what a program has frozen stays so"
-    assert got.page_faults == (3, 50) and got.collections == 3
+    assert got.page_faults == (3, 50)
     back = [("timers", 50_000, 0, 0, 0)]
     assert calls == ([(0, 2, 80), *back, *([] if had else ["unlock"])] if locks else back)

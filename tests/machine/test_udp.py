@@ -431,28 +431,6 @@ def test_packets_of_strangers_neither_damp_nor_lock_anybody_out(wire: Wire) -> N
     owner.socket.close()
 
 
-@pytest.mark.parametrize("ahead", [10_000_000, 10**12, None], ids=["10 ms", "1000 s", "greatest"])
-def test_no_number_of_the_future_locks_out_the_owner_or_the_robot(wire: Wire, ahead: int | None) -> None:
-    """Somebody knows the keys of both ends; without a secret nothing else is needed to make a packet."""
-    owner, forger = Program(wire), End(DESCRIPTION, "127.0.0.1", None)
-
-    def obeyed() -> bool:
-        owner.send(owner.end.pack(COMMAND, owner.robot, ZERO))
-        return wire.robot.receive()[1] is not None
-
-    assert obeyed()
-    for key, kind, to in (
-        (owner.end.key, COMMAND, owner.robot),
-        (owner.end.key, DAMP, 0),
-        (owner.end.key, HELLO, 0),
-    ):
-        forger.key = key
-        forger._number = 2**64 - 2 if ahead is None else time.monotonic_ns() + ahead
-        assert wire.throw(forger.pack(kind, to, ZERO)) == (False, None)
-        assert obeyed()
-    owner.socket.close()
-
-
 def test_a_driver_hears_its_robot_alone(wire: Wire) -> None:
     driver = wire.owner()
     fake, rng = End(DESCRIPTION, "127.0.0.1", wire.secret), wire.rng

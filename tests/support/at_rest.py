@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.estimation.foot import FeetAtRest
 from wbc.core.estimation.inertial import Correction
-from wbc.core.estimation.rest import FeetAtRest
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 

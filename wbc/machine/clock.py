@@ -47,13 +47,11 @@ class Quiet:
         memory_locked: No page is swapped out.
         priority: Priority of the real-time scheduler, 0 without it.
         page_faults: Page faults that read from the disk, and those that did not, during the loop.
-        collections: Garbage collections during the loop.
     """
 
     memory_locked: bool = False
     priority: int = 0
     page_faults: tuple[int, int] = (0, 0)
-    collections: int = 0
 
 
 def ask_priority(priority: int) -> int:
@@ -94,7 +92,6 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()
-    before_collections = sum(entry["collections"] for entry in gc.get_stats())
     with contextlib.suppress(OSError, AttributeError):
         got.memory_locked = ctypes.CDLL(None).mlockall(LOCK_ALL) == 0
     slack = let_timers_slack(1)
@@ -105,7 +102,6 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
     finally:
         end = resource.getrusage(resource.RUSAGE_SELF)
         got.page_faults = (end.ru_majflt - start.ru_majflt, end.ru_minflt - start.ru_minflt)
-        got.collections = sum(entry["collections"] for entry in gc.get_stats()) - before_collections
         if got.priority:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, *scheduler)

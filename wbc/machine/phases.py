@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -78,22 +77,6 @@ class RunSettings:
     on_fall: Literal["damp", "go on"] = "damp"
 
 
-class Debounce:
-    """Condition that counts once it has held for a time, s."""
-
-    def __init__(self, time: float) -> None:
-        self._time, self._since = time, math.inf
-
-    def reset(self) -> None:
-        """Start without it."""
-        self._since = math.inf
-
-    def update(self, holds: bool, now: float) -> bool:
-        """Return True if it counts at a time of the clock, s."""
-        self._since = min(self._since, now) if holds else math.inf
-        return now - self._since >= self._time
-
-
 class Phases:
     """Commands of a run, phase by phase.
 
@@ -122,7 +105,7 @@ class Phases:
         self.phase, self.begun, self.slow = Phase.START, list[tuple[Phase, float]](), ""
         self._weight = robot.mass * GRAVITY
         self._may_run = True
-        self._touches, self._carries, self._lifted = map(Debounce, (TOUCHED, CARRIED, LIFTED))
+        self._holding: dict[float, float] = {}  # time for which a condition must hold → since when it does, s
         # Times of the clock at which the run, the phase and the way to half-sitting have begun, s.
         self._begin = self._since = self._started = 0.0
         self.last: Command | None = None
@@ -165,11 +148,17 @@ class Phases:
         self.phase = phase
         self.begun.append((phase, now - self._begin))
         self._since = now
-        for each in (self._touches, self._carries, self._lifted):
-            each.reset()
+        self._holding.clear()
         if phase is Phase.START:
             self._started = now
         logger.info("%.3f s: %s", now - self._begin, phase.value)
+
+    def _lasts(self, time: float, holds: bool, now: float) -> bool:
+        """Return True once a condition of this phase has held for its time, s; `now` is a time of the clock, s."""
+        if not holds:
+            self._holding.pop(time, None)
+            return False
+        return now - self._holding.setdefault(time, now) >= time
 
     @property
     def checks_itself(self) -> bool:
@@ -226,7 +215,7 @@ class Phases:
             return command
         self.slow = ""
         touches = self._loads.share >= settings.touch or settings.load == 0.0
-        if ready and self._touches.update(touches, now):
+        if ready and self._lasts(TOUCHED, touches, now):
             if self._stand is not None:
                 self._stand.begin(measurement)
             self.enter(Phase.STAND, now)
@@ -246,8 +235,8 @@ class Phases:
                 raise Over(stand.control.status())
         share = self._loads.share
         hangs = share < settings.touch / 3.0 and settings.load > 0.0
-        carries = self._carries.update(not hangs and share >= settings.load and self._may_run, now)
-        if self._lifted.update(hangs, now):
+        carries = self._lasts(CARRIED, not hangs and share >= settings.load and self._may_run, now)
+        if self._lasts(LIFTED, hangs, now):
             self._lift(measurement, now)
         elif carries:
             self._begin_run(stand, now)
@@ -296,7 +285,7 @@ class Phases:
             return mixed(before, with_gains(command, self._gains), part)
         if self._settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
-            if self._lifted.update(carried < self._settings.touch / 3.0, now):
+            if self._lasts(LIFTED, carried < self._settings.touch / 3.0, now):
                 self._may_run = self._control.restarts
                 self._lift(measurement, now)
         return command

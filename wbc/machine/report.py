@@ -80,8 +80,7 @@ class RunReport:
             f"deadlines missed: {self.missed}, periods skipped: {self.skipped}; "
             f"longest time between measurements {1e3 * self.ages:.1f} ms",
             f"memory locked: {'yes' if self.quiet.memory_locked else 'no'}, real-time priority: "
-            f"{self.quiet.priority or 'no'}, page faults from disk {self.quiet.page_faults[0]}, garbage collections "
-            f"{self.quiet.collections}",
+            f"{self.quiet.priority or 'no'}, page faults from disk {self.quiet.page_faults[0]}",
             *([f"no clouds of points: {self.blind}"] if self.blind else ()),
             f"{'ms up to':>12}{'late':>10}{'busy':>10}",
         ]

@@ -79,7 +79,7 @@ class Runner:
         self._stop, self._emergency = threading.Event(), threading.Event()
         self._reason = ""
         self._seen = self._changed = 0.0  # arrival of the last measurement, and of the last new one, s
-        self._blind = self._blinded = ""  # reason for which no clouds come, and for which none came once
+        self._blind = ""  # last reason for which no clouds came
 
     @property
     def phase(self) -> Phase:
@@ -133,7 +133,7 @@ class Runner:
                     self._guard.close()
                 for number, handler in before.items():
                     signal.signal(number, handler)
-        return self._times.report(self._reason, phases.begun, got, self._blinded)
+        return self._times.report(self._reason, phases.begun, got, self._blind)
 
     def _damp(self) -> None:
         """Damp the joints for a while; where the driver fails, go on trying, and let the guard damp meanwhile.
@@ -262,11 +262,7 @@ class Runner:
             blind = f"{type(error).__name__}: {error}"
             if blind != self._blind:
                 logger.error("no clouds of points (%s): the control goes on without them", blind)
-            self._blind = self._blinded = blind
-            return
-        if self._blind:
-            logger.warning("clouds of points come again")
-            self._blind = ""
+            self._blind = blind
 
 
 @checked

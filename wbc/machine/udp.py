@@ -81,9 +81,6 @@ LATE = 0.2
 """Time by which a command may be longer under way than the quickest packet of its sender, and after which a driver puts
 aside what it has not read, s."""
 
-TOGETHER = 1_000_000
-"""Time by which the clocks of two programs of one computer may differ, ns."""
-
 DRIFT = 1e-4
 """Rate by which two clocks may drift apart: that time is forgotten so slowly."""
 
@@ -216,17 +213,11 @@ class End:
         return head if hmac.compare_digest(self._sign(body), signature) else None
 
     def is_new(self, head: Header, keep: int = 0) -> bool:
-        """Return True if no later packet of its sender has come before; the key `keep` is never forgotten.
-
-        On one computer, where packets need no signature, all clocks are the same: a number of the future is forged. It
-        would lock its sender out, whose own numbers would all be older.
-        """
-        newest, now = self._newest, time.monotonic_ns()
-        last = newest.get(head.key, 0)
-        forged = not self._secret and 0 < last <= now + TOGETHER < head.number
-        if head.number <= last or forged:
+        """Return True if no later packet of its sender has come before; the key `keep` is never forgotten."""
+        newest = self._newest
+        if head.number <= newest.get(head.key, 0):
             return False
-        newest.pop(head.key, None)
+        newest.pop(head.key, None)  # the last sender is the last one
         newest[head.key] = head.number
         if len(newest) > KEYS:
             oldest = next(key for key in newest if key != keep)

@@ -12,6 +12,7 @@ the servos, `wbc.core.drive.torque` sends torques, alone or with references.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -27,14 +28,15 @@ from wbc.base.settings import Positive
 from wbc.core.drive.failures import FailurePolicy, FailureRecord, at_rest
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
-from wbc.core.drive.status import FEET_STAY, balance_lost, status_of
 from wbc.core.estimation.checks.consistency import ConsistencyMonitor
+from wbc.core.estimation.checks.refusal import few
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.solution import Solution
-from wbc.core.robot import Robot
+from wbc.core.qp.solving.solver import Status
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
@@ -47,6 +49,15 @@ RESTART = "`reset` begins from another configuration"
 
 RUN = "it follows from the run, and `reset` begins another one"
 """Advice in place of an assignment to what a control says of its run."""
+
+FEET_STAY = 0.35
+"""Distance of the DCM from the nearest sole that nothing recovers whose feet stay, as a multiple of the CoM height."""
+
+UNUSUAL = {
+    Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
+    Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
+}
+"""Words for a tick that was solved in another way than it was asked for."""
 
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
@@ -265,8 +276,26 @@ class DriveControl(Control):
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
-        lost = balance_lost(self.observer.robot, self._dcm_limit)
-        return status_of(self.sensing, self._record, self.gate, self.solution, lost=lost)
+        parts, sensing, record = list[str](), self.sensing, self._record
+        plausibility, monitor = sensing.plausibility, sensing.monitor
+        if sensing.falls.reason is not None:
+            parts.append(f"fallen: {sensing.falls.reason.value}{'; damped' if sensing.damped else ''}")
+        if record.failing:
+            parts.append(f"{'stopped' if record.stopped else 'failing'}: {record.reason}")
+        if balance_lost(self.observer.robot, self._dcm_limit):
+            parts.append("balance lost: the DCM is out of reach")
+        if plausibility.faults:
+            parts.append(f"refused: {few(plausibility.faults)}")
+        if sensing.accelerometer.left_out:
+            parts.append("refused: accelerometer, which contradicts attitude and legs")
+        parts += [each for each in (plausibility.pull, plausibility.stamps.pace) if each]
+        if monitor is not None and monitor.doubts:
+            parts.append(f"doubtful: {', '.join(monitor.doubts)}")
+        if self.solution is not None and not record.failing:
+            parts += UNUSUAL.get(self.solution.status, ())
+        if self.gate.faults:
+            parts.append(f"command clipped: {', '.join(self.gate.faults)}")
+        return "; ".join(parts) or "ok"
 
     def watch(self) -> ConsistencyMonitor:
         """Compare the sensors with each other from the next tick on, as under `wbc.run`; return the monitor.
@@ -471,3 +500,11 @@ class DriveControl(Control):
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         """Return the torques that the drives get with a solution, shape (na,), Nm."""
         return self.controller.torques(solution, wrenches)
+
+
+def balance_lost(robot: Robot, limit: float) -> bool:
+    """Return True if the DCM is further from the soles than a limit, a multiple of the height of the CoM."""
+    soles = [robot.placement(sole.frame).translation for sole in robot.soles]
+    height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
+    dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
+    return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > limit * height

@@ -30,10 +30,9 @@ from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, quaternion, turned, turned_all
 from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import STILL, FootEstimate, SoleMotion
+from wbc.core.estimation.foot import STILL, FeetAtRest, FootEstimate, RestDetector, SoleMotion
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
-from wbc.core.estimation.rest import FeetAtRest, RestDetector
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.frames import heading, net_wrench
 from wbc.core.robot import GRAVITY, Robot

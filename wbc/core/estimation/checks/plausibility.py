@@ -23,8 +23,7 @@ from wbc.base.errors import MeasurementError
 from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
-from wbc.core.estimation.checks.optional import WRENCH, OptionalSignals
-from wbc.core.estimation.checks.refusal import Refusal, few, numbers_of
+from wbc.core.estimation.checks.refusal import WRENCH, OptionalSignals, Refusal, few, numbers_of
 from wbc.core.estimation.checks.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.signals import SIGNALS, Measurement
