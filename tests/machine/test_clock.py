@@ -76,14 +76,6 @@ def test_a_clock_sleeps_until_shortly_before_an_instant_and_never_too_long(
     assert slept == pytest.approx([0.1 - clock.SPIN, 0.1 - clock.SPIN], abs=1e-4)
 
 
-def test_page_faults_are_those_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = iter([types.SimpleNamespace(ru_majflt=n, ru_minflt=10 * n) for n in (3, 8)])
-    monkeypatch.setattr(clock.resource, "getrusage", lambda who: next(usage))
-    with clock.quiet(None) as got:
-        assert got.page_faults == (0, 0)
-    assert got.page_faults == (5, 50)
-
-
 class Child:
     """A process of the guard that says a line."""
 

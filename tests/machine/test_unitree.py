@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import itertools
 import pickle
@@ -191,23 +192,31 @@ def test_no_robot_is_made_in_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("found", [np.nan, 7.0, -1e30])
-def test_a_motor_that_is_nowhere_has_no_stiffness(found: float) -> None:
-    driver, none, gains = machine(state(q=found)), np.zeros(29), np.full(29, 80.0)
+def test_a_motor_that_is_nowhere_has_no_stiffness_and_torques_reach_all_others(found: float) -> None:
+    """The control goes by a prediction of it for a while, and then fails by itself."""
+    driver, none, gains, torques = (
+        machine(state(q=found)),
+        np.zeros(29),
+        np.full(29, 80.0),
+        np.linspace(-3.0, 3.0, 29),
+    )
     driver.read(0.0)
     driver.write(Command(none, none, none, kp=gains, kd=0.01 * gains))
-    motors = driver._topics.sent[-1]  # type: ignore[union-attr, attr-defined]
-    assert motors["kp"][3] == motors["tau"][3] == 0.0 and (np.delete(motors["kp"], 3) == 80.0).all()
-
-
-@pytest.mark.parametrize("found", [np.nan, 7.0, -1e30])
-def test_torques_reach_all_motors_where_one_is_nowhere(found: float) -> None:
-    """The control goes by a prediction of it for a while, and then fails by itself."""
-    driver, torques = machine(state(q=found)), np.linspace(-3.0, 3.0, 29)
-    driver.read(0.0)
     driver.write(Command(torques))
-    motors = driver._topics.sent[-1]  # type: ignore[union-attr, attr-defined]
-    np.testing.assert_allclose(motors["tau"], torques, atol=1e-6)
-    assert not motors["kp"].any() and not motors["kd"].any() and np.isfinite(motors["q"]).all()
+    stiff, pushed = driver._topics.sent  # type: ignore[union-attr, attr-defined]
+    assert stiff["kp"][3] == stiff["tau"][3] == 0.0 and (np.delete(stiff["kp"], 3) == 80.0).all()
+    np.testing.assert_allclose(pushed["tau"], torques, atol=1e-6)
+    assert not pushed["kp"].any() and not pushed["kd"].any() and np.isfinite(pushed["q"]).all()
+
+
+@functools.cache
+def locked() -> tuple[wbc.RobotDescription, list[str]]:
+    """Return a G1 without joints at waist and wrists, and the motors there."""
+    lock = {n: 0.0 for n in DESCRIPTION.joint_names if n.startswith("waist_") or "wrist" in n}
+    left, right = DESCRIPTION.soles
+    return wbc.RobotDescription.from_urdf(
+        DESCRIPTION.urdf, left_sole=left, right_sole=right, lock=lock, name="locked"
+    ), list(lock)
 
 
 @pytest.mark.parametrize("found", [0.3, np.nan])
@@ -215,11 +224,7 @@ def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
     found: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     """And damped with the others; one whose encoder says nothing is damped alone."""
-    lock = {n: 0.0 for n in DESCRIPTION.joint_names if n.startswith("waist_") or "wrist" in n}
-    left, right = DESCRIPTION.soles
-    described = wbc.RobotDescription.from_urdf(
-        DESCRIPTION.urdf, left_sole=left, right_sole=right, lock=lock, name="locked"
-    )
+    described, lock = locked()
     states = [state(), state()]
     for each, at in zip(states, (found, 0.1), strict=True):
         each["motor_state"]["q"][G1_MOTORS.index("waist_roll_joint")] = at
@@ -246,11 +251,7 @@ def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
 
 def test_a_second_run_of_a_driver_begins_as_a_first_one() -> None:
     """The machine was switched off and on in between, in another mode, and its locked joints hang elsewhere."""
-    lock = {n: 0.0 for n in DESCRIPTION.joint_names if n.startswith("waist_")}
-    left, right = DESCRIPTION.soles
-    described = wbc.RobotDescription.from_urdf(
-        DESCRIPTION.urdf, left_sole=left, right_sole=right, lock=lock, name="locked"
-    )
+    described, lock = locked()
     zero = np.zeros((3, len(described.joint_names)))
     states = []
     for mode, on, at in ((5, 1, 0.3), (6, 0, -0.4), (6, 1, -0.4), (7, 1, -0.4)):
@@ -462,21 +463,6 @@ def test_a_motor_that_is_beyond_a_turn_is_nowhere() -> None:
     made._hold(np.array([6.28, -6.28, 6.29, -6.29, np.nan, 0.0]))
     assert made._held_at is not None
     np.testing.assert_array_equal(made._held_at, [6.28, -6.28, np.nan, np.nan, np.nan, 0.0])
-
-
-def test_states_whose_tick_nobody_counts_have_the_time_since_the_first(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    now = [100.0]
-    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    made, times = UnitreeDriver(DESCRIPTION), []
-    for passed in (0.0, 0.004, 0.006):
-        now[0] += passed
-        times.append(made._time(0))
-    assert times == pytest.approx([0.0, 0.004, 0.01])
-    assert made._time(20) == pytest.approx(0.02) and made._time(0) == pytest.approx(
-        0.0
-    )  # counted from now on
 
 
 def test_after_a_damaged_state_the_rest_of_the_time_is_waited(monkeypatch: pytest.MonkeyPatch) -> None:

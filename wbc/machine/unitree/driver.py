@@ -109,7 +109,6 @@ class UnitreeDriver(Driver):
         self._topics: Topics | None = None
         self._machine: int | None = None
         self._tick: int | None = None  # of the last state, counted on where it begins anew, ms
-        self._first = np.inf  # arrival of the first state without a tick, s
         self._position = self._velocity = self._zero = np.zeros(len(self._names))
         self._on = np.zeros(len(self._names), dtype=bool)
         self._begun = np.inf  # time of the first command, s
@@ -155,14 +154,9 @@ class UnitreeDriver(Driver):
     def _time(self, tick: int) -> float:
         """Return the time of a state, s: its tick counts ms in 32 bits, and begins anew after 49.7 days.
 
-        A tick that has always been zero is counted by nobody, or not yet: the time since the first arrival, which is
-        zero too, takes its place.
+        A tick that nobody counts is always zero: `wbc.run` takes the time of arrival in its place.
         """
         if self._tick is None:
-            if not tick:
-                now = time.monotonic()
-                self._first = min(self._first, now)
-                return now - self._first
             self._tick = tick
         half = TICKS // 2
         self._tick += (tick - self._tick + half) % TICKS - half  # the shorter way round
