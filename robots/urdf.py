@@ -265,13 +265,10 @@ def _by_name(root: Element, kind: str, where: str) -> dict[str, Element]:
     for number, element in enumerate(root.findall(kind), 1):
         name = element.get("name") or ""
         if not name.strip():
-            which, example = f"number {number}", "head"
-            if kind == "joint":
-                parent, child = _ends(element)
-                which, example = f"from link '{parent}' to '{child}'", f"{child}_joint"
-            raise ModelError(
-                f'{where}: the <{kind}> {which} has no name: give it one, as in <{kind} name="{example}">'
+            which = (
+                "from link '{}' to '{}'".format(*_ends(element)) if kind == "joint" else f"number {number}"
             )
+            raise ModelError(f"{where}: the <{kind}> {which} has no name: give it one")
         if name in found:
             raise ModelError(f"two {kind}s are called '{name}'")
         found[name] = element

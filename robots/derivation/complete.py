@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar, Unpack
@@ -25,6 +26,22 @@ from wbc.robots.options import DescriptionOptions
 Description = TypeVar("Description")
 
 
+@dataclass
+class JointData:
+    """Drives and passive properties of joints as far as a file gives them, in the units of `RobotDescription`.
+
+    Attributes:
+        torque: Joint → least and greatest torque by the tightest limits that the file gives, Nm or N.
+    """
+
+    torque: dict[str, tuple[float, float]] = field(default_factory=dict)
+    gains: dict[str, tuple[float, float]] = field(default_factory=dict)
+    armature: dict[str, float] = field(default_factory=dict)
+    damping: dict[str, float] = field(default_factory=dict)
+    frictionloss: dict[str, float] = field(default_factory=dict)
+    springs: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FileRobot:
     """A robot as its reader has found it in a file; options that are given take precedence.
@@ -43,8 +60,9 @@ class FileRobot:
         closures: Closures of its kinematic chains.
         passive: Joints of the file without a drive.
         imu: Frame of the inertial measurement unit; None if the file does not say.
+        joints: Drives and passive properties of its joints.
 
-    The others are those of `RobotDescription`, of joints for which the file gives them.
+    `sensors` and `locked` are those of `RobotDescription`.
     """
 
     mechanism: Callable[[float], Mechanism]
@@ -59,12 +77,7 @@ class FileRobot:
     closures: tuple[Closure, ...] = ()
     passive: tuple[str, ...] = ()
     imu: FrameDescription | None = None
-    armature: Mapping[str, float] = field(default_factory=dict)
-    gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    damping: Mapping[str, float] = field(default_factory=dict)
-    frictionloss: Mapping[str, float] = field(default_factory=dict)
-    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    joints: JointData = field(default_factory=JointData)
     sensors: Mapping[str, str] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
 
@@ -88,30 +101,34 @@ def complete(
     if imu is None and read.imu is not None:
         imu = read.imu
         notes.derived.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
-    name = name or read.name
+    name, joints = name or read.name, read.joints
     robot, model, soles = _on_soles(read, name, options, notes)
-    joints, closures = _half_sitting(read, options, model, soles, notes)
-    mass, com_height = _size(model, soles, joints)
+    sitting, closures = _half_sitting(read, options, model, soles, notes)
+    mass, com_height = _size(model, soles, sitting)
     robot = _driven(robot, model, soles, mass * GRAVITY * com_height, notes)
     rotors, armature = ARMATURE_RATIO * mass * com_height**2, options.get("armature")
     if armature is None or isinstance(armature, Mapping):
-        armature = {**read.armature, **(armature or {})}
+        armature = {**joints.armature, **(armature or {})}
     limited = options.get("torque_limits") or {}
     return kind(
         name=name or robot.model.name,
         mechanism=robot,
         soles=soles,
-        half_sitting=joints,
-        armature=defaults.complete_armature([*joints], armature, rotors, notes.derived),
+        half_sitting=sitting,
+        armature=defaults.complete_armature([*sitting], armature, rotors, notes.derived),
         torso=_torso(options.get("torso"), model, soles, notes),
         imu=defaults.complete_imu(model, imu, notes.derived),
         hands=options.get("hands") or {},
         servo=options.get("servo") or ServoRule(),
-        gains={**read.gains, **(options.get("gains") or {})},
-        damping=read.damping,
-        frictionloss=read.frictionloss,
-        springs=read.springs,
-        torque_ranges={joint: ends for joint, ends in read.torque_ranges.items() if joint not in limited},
+        gains={**joints.gains, **(options.get("gains") or {})},
+        damping=joints.damping,
+        frictionloss=joints.frictionloss,
+        springs=joints.springs,
+        torque_ranges={
+            joint: (low, high)
+            for joint, (low, high) in joints.torque.items()
+            if joint not in limited and not math.isclose(-low, high)
+        },
         passive=tuple(dict.fromkeys((*read.passive, *(options.get("passive") or ())))),
         closures=closures,
         locked=read.locked,

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -28,23 +25,27 @@ CORNERS = 150
 SMALLEST = 0.002
 """Least half size of a shape, m."""
 
-Made = TypeVar("Made")
 
-Make = Callable[[Geometry, Path | None], Made | None]
-"""Function of a shape and the file of its mesh, if it is one that is found, that returns another shape, or None."""
-
-
+@lru_cache(maxsize=4)  # it keeps the shapes of whole robots
 def link_shapes(robot: Mechanism, package_dirs: tuple[str, ...]) -> tuple[Geometry, ...]:
     """Return the shapes of all links of a robot: collision shapes where a link has any, visual ones otherwise.
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out. No size is below `SMALLEST`.
     """
-    return tuple(shape for shapes in _made(robot, package_dirs, _simple).values() for shape in shapes)
+    found: dict[str, list[Geometry]] = {shape.link: [] for shape in robot.shapes}
+    for role in ("collision", "visual"):
+        for shape in [each for each in robot.shapes if each.role == role and not found[each.link]]:
+            if (made := _simple(shape, package_dirs)) is not None:
+                found[shape.link].append(made)
+    return tuple(shape for shapes in found.values() for shape in shapes)
 
 
 def hulls(robot: Mechanism, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
-    """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
-    return _made(robot, package_dirs, _hull)
+    """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull; a flat one is a thin box."""
+    found: dict[str, list[Shape]] = {}
+    for shape in link_shapes(robot, package_dirs):
+        found.setdefault(shape.link, []).append(_hull(shape))
+    return found
 
 
 def capsules(
@@ -67,33 +68,10 @@ def capsules(
     return found
 
 
-def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make[Made]) -> dict[str, list[Made]]:
-    """Return link → what is made of its collision shapes, or of its visual shapes where that is nothing."""
-    names = {shape.file for shape in robot.shapes if shape.kind == "mesh"}
-    files = {name: path for name in sorted(names) if (path := resolve(name, package_dirs)) is not None}
-    states = {name: (path, path.stat()) for name, path in files.items()}
-    stamps = tuple((name, path, state.st_mtime_ns, state.st_size) for name, (path, state) in states.items())
-    return {link: list(shapes) for link, shapes in _of_files(robot, make, stamps).items()}
-
-
-@lru_cache(maxsize=4)  # it keeps the shapes of whole robots
-def _of_files(
-    robot: Mechanism, make: Make[Any], stamps: tuple[tuple[str, Path, int, int], ...]
-) -> dict[str, list[Any]]:
-    """Return what is made of the shapes of each link, anew when a mesh has changed."""
-    found: dict[str, list[Any]] = {shape.link: [] for shape in robot.shapes}
-    files = {name: path for name, path, *_ in stamps}
-    for role in ("collision", "visual"):
-        left = [shape for shape in robot.shapes if shape.role == role and not found[shape.link]]
-        for shape in left:
-            if (made := make(shape, files.get(shape.file))) is not None:
-                found[shape.link].append(made)
-    return {link: shapes for link, shapes in found.items() if shapes}
-
-
-def _simple(shape: Geometry, path: Path | None) -> Geometry | None:
+def _simple(shape: Geometry, package_dirs: tuple[str, ...]) -> Geometry | None:
     if shape.kind != "mesh":
         return shape._replace(size=np.maximum(shape.size, SMALLEST))
+    path = resolve(shape.file, package_dirs)
     if path is None or (mesh := read_mesh(path)) is None:
         return None
     points = mesh[0] * shape.size
@@ -110,12 +88,10 @@ def _simple(shape: Geometry, path: Path | None) -> Geometry | None:
     return shape._replace(kind="box", size=size, place=shape.place * middle, corners=at)
 
 
-def _hull(shape: Geometry, path: Path | None) -> Shape | None:
-    if (simple := _simple(shape, path)) is None:
-        return None
-    size, place = simple.size.tolist(), shape.place
-    if shape.kind == "mesh":
-        return None if simple.corners is None else CollisionHull(simple.corners.tolist())
+def _hull(shape: Geometry) -> Shape:
+    if shape.corners is not None:
+        return CollisionHull(shape.corners.tolist())
+    size, place = shape.size.tolist(), shape.place
     if shape.kind == "box":
         x, y, z = (2.0 * half for half in size)
         return CollisionBox((x, y, z), place.translation, pin.log3(place.rotation))

@@ -91,6 +91,11 @@ def actuators(model: mujoco.MjModel) -> list[JointActuator]:
     return found
 
 
+def driven(model: mujoco.MjModel) -> set[int]:
+    """Return the joints that an actuator drives which is not switched off."""
+    return {each.joint for each in actuators(model) if each.gear != 0.0 and each.on}
+
+
 def actuator_name(model: mujoco.MjModel, actuator: int) -> str:
     """Return the name of an actuator, or of what it drives where it has none."""
     kinds, objects = mujoco.mjtTrn, mujoco.mjtObj

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.frames import FrameDescription
+from wbc.robots.derivation.complete import JointData
 from wbc.robots.derivation.defaults import ASIDE
 from wbc.robots.frames import frame_at
 from wbc.robots.readers.actuators_mjcf import (
@@ -19,6 +19,7 @@ from wbc.robots.readers.actuators_mjcf import (
     actuator_name,
     actuators,
     damping,
+    driven,
     dry_friction,
     rotor_inertia,
     stiffness,
@@ -35,37 +36,12 @@ UNBOUNDED = (-math.inf, math.inf)
 """Range of a drive without limits."""
 
 
-@dataclass
-class JointData:
-    """Drives and passive properties of the joints that move.
-
-    Attributes:
-        torque: Joint → least and greatest torque by the tightest limits that the file gives, Nm or N.
-        gains: Joint → (kp, kd) of its actuators, Nm/rad and Nms/rad.
-        armature: Joint → rotor inertia, kg m².
-        damping: Joint → passive damping, Nms/rad.
-        frictionloss: Joint → dry friction, Nm.
-        springs: Joint → (stiffness, rest position), Nm/rad and rad.
-        acting: True if an actuator of the file drives a joint; without one all joints are taken as driven.
-    """
-
-    acting: bool = False
-    torque: dict[str, tuple[float, float]] = field(default_factory=dict)
-    gains: dict[str, tuple[float, float]] = field(default_factory=dict)
-    armature: dict[str, float] = field(default_factory=dict)
-    damping: dict[str, float] = field(default_factory=dict)
-    frictionloss: dict[str, float] = field(default_factory=dict)
-    springs: dict[str, tuple[float, float]] = field(default_factory=dict)
-
-
 def read_drives(tree: Tree) -> JointData:
-    """Return the drives of a robot.
+    """Return the drives of a robot and the passive properties of its joints that move.
 
     Raises:
-        ModelError: An actuator that drives a tendon, a site or a body of the robot; ranges of torques of one joint that
-            have nothing in common.
+        ModelError: Ranges of torques of one joint that have nothing in common.
     """
-    refuse_other_drives(tree)
     drives = _passive(tree)
     _drive(tree, drives)
     drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
@@ -104,7 +80,6 @@ def _drive(tree: Tree, drives: JointData) -> None:
         sums[name] = before[0] + low, before[1] + high
         kp, kd = drives.gains.get(name, (0.0, 0.0))
         drives.gains[name] = kp - float(each.bias[1]) * gear**2, kd - float(each.bias[2]) * gear**2
-    drives.acting = bool(sums)
     drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
     for number, name in names.items():
         limit = _range(model.jnt_actfrcrange[number]) if model.jnt_actfrclimited[number] else UNBOUNDED
@@ -129,15 +104,18 @@ def _reflect(drives: JointData, tree: Tree) -> None:
 
 
 def passive_joints(tree: Tree) -> dict[str, float]:
-    """Return the joints without an actuator that acts, joint → rest position (rad or m); none if no joint has one."""
+    """Return the joints without an actuator that acts, joint → rest position (rad or m); none if no joint has one.
+
+    Raises:
+        ModelError: An actuator drives a tendon, a site or a body of the robot.
+    """
     refuse_other_drives(tree)
     model = tree.model
-    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on}
-    if not driven & set(tree.joints.values()):
+    if not (moved := driven(model)) & set(tree.joints.values()):
         return {}
     rest, springs = {}, stiffness(model)
     for name, joint in tree.joints.items():
-        if joint not in driven and name not in tree.coupled:
+        if joint not in moved and name not in tree.coupled:
             at = int(model.jnt_qposadr[joint])
             rest[name] = float((model.qpos_spring if springs[joint] else model.qpos0)[at])
             if model.jnt_limited[joint]:

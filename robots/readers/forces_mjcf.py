@@ -27,12 +27,13 @@ OTHER_GRAVITY = 0.02
 
 
 SWITCHES = {
-    "gravity": ("gravity", "nothing falls"),
-    "contact": ("contact", "nothing touches"),
-    "constraint": ("constraint", "nothing touches, and no joint has an end or dry friction"),
-    "actuation": ("actuation", "no drive acts"),
-    "limit": ("limit", "no joint has an end"),
-    "sensor": ("sensor", "sensors read zero"),
+    "gravity": "nothing falls",
+    "contact": "nothing touches",
+    "constraint": "nothing touches, and no joint has an end or dry friction",
+    "actuation": "no drive acts",
+    "limit": "no joint has an end",
+    "sensor": "sensors read zero",
+    **dict.fromkeys(("equality", "spring", "damper", "frictionloss"), "those of the file do not act"),
 }
 """Option flags that change what acts on a robot, of those that are on by default, and what happens without them."""
 
@@ -50,7 +51,11 @@ def unmodelled(
     ]
     if held and not switched_off(model, OFF.mjDSBL_GRAVITY):
         found.append(f"gravity compensation (gravcomp) of {len(held)} bodies: {listed(held)}")
-    found += _free_joint(model, bodies) + _medium(model) + _curves(model, joints)
+    found += _free_joint(model, bodies)
+    if (density := float(model.opt.density)) or model.opt.viscosity:
+        viscosity = float(model.opt.viscosity)
+        found.append(f"drag of a medium: density {density:g} kg/m³, viscosity {viscosity:g} Pa s")
+    found += _curves(model, joints)
     found += [
         f"plugin of body '{model.body(body).name or body}'" for body in bodies if model.body_plugin[body] >= 0
     ]
@@ -62,20 +67,17 @@ def unmodelled(
 
 def _switches(model: mujoco.MjModel) -> list[str]:
     """Return a note for each option flag of the file that switches a force off."""
-    found = [
+    given = {
+        "equality": model.neq > 0,
+        "spring": model.jnt_stiffness.any() or model.tendon_stiffness.any(),
+        "damper": model.dof_damping.any() or model.actuator_damping.any(),
+        "frictionloss": model.dof_frictionloss.any(),
+    }
+    return [
         f"{name} is disabled (option flag): {effect}"
-        for name, (flag, effect) in SWITCHES.items()
-        if switched_off(model, getattr(OFF, f"mjDSBL_{flag.upper()}"))
+        for name, effect in SWITCHES.items()
+        if given.get(name, True) and switched_off(model, getattr(OFF, f"mjDSBL_{name.upper()}"))
     ]
-    for name, flag, given in (
-        ("equality", OFF.mjDSBL_EQUALITY, model.neq > 0),
-        ("spring", OFF.mjDSBL_SPRING, model.jnt_stiffness.any() or model.tendon_stiffness.any()),
-        ("damper", OFF.mjDSBL_DAMPER, model.dof_damping.any() or model.actuator_damping.any()),
-        ("frictionloss", OFF.mjDSBL_FRICTIONLOSS, model.dof_frictionloss.any()),
-    ):
-        if given and switched_off(model, flag):
-            found.append(f"{name} is disabled (option flag): those of the file do not act")
-    return found
 
 
 def _gravity(model: mujoco.MjModel) -> list[str]:
@@ -115,14 +117,6 @@ def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
             if each.joint == joint and each.on
         ]
     return found
-
-
-def _medium(model: mujoco.MjModel) -> list[str]:
-    """Return a note on the drag of the medium around the robot."""
-    density, viscosity = float(model.opt.density), float(model.opt.viscosity)
-    if density == viscosity == 0.0:
-        return []
-    return [f"drag of a medium: density {density:g} kg/m³, viscosity {viscosity:g} Pa s"]
 
 
 def _curves(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:

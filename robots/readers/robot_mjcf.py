@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from wbc.core.frames import FrameDescription
 from wbc.robots.derivation.complete import FileRobot
 from wbc.robots.notes import UNMODELLED, listed
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers.actuators_mjcf import driven
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.readers.tree_mjcf import Tree
@@ -46,14 +47,11 @@ def read(
     tree, chains, held, idle = _tree_of(model, root, lock, fixed)
     drives = drives_mjcf.read_drives(tree)
     notes = tree.left_out()
-    if not drives.acting:
+    if not driven(model) & set(tree.joints.values()):
         notes.append("no actuators in the file that act: all joints are taken as driven")
     shapes, closures = shapes_mjcf.shapes(tree, moved, notes), mechanism_mjcf.closures(tree, chains)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
     torque |= dict.fromkeys(idle, NO_DRIVE)
-    one_sided = {
-        joint: (low, high) for joint, (low, high) in drives.torque.items() if not math.isclose(-low, high)
-    }
     imu, sensors = drives_mjcf.sensors(tree)
     return FileRobot(
         mechanism=lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
@@ -67,12 +65,7 @@ def read(
         closures=closures,
         passive=tuple(idle),
         imu=imu,
-        armature=drives.armature,
-        gains=drives.gains if use_gains else {},
-        damping=drives.damping,
-        frictionloss=drives.frictionloss,
-        springs=drives.springs,
-        torque_ranges=one_sided,
+        joints=drives if use_gains else replace(drives, gains={}),
         sensors=sensors,
         locked={tree.joint_name(joint): value for joint, value in tree.locked.items()},
     )

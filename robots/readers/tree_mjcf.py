@@ -14,7 +14,7 @@ from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.mechanism import placement_of
-from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
+from wbc.robots.readers.actuators_mjcf import driven, equalities_off
 
 FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
@@ -127,15 +127,15 @@ def find_tree(
     tree = Tree(model, number, bodies, fixed)
     every = [joint for body in bodies for joint in tree.joints_of(body)]
     known = {tree.joint_name(joint): joint for joint in every if int(model.jnt_type[joint]) != BALL}
-    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on} & set(every)
+    moved = driven(model) & set(every)
     locked: dict[int, float] = {}
     for joint in set(every) - set(known.values()):
-        if joint in driven or not driven:
+        if joint in moved or not moved:
             tree.refuse_ball(joint)
         locked[joint] = 1.0  # a quaternion that turns by nothing
     for name, value in lock.items():
         locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
-    coupled, ties = _find_couplings(tree, known, driven, locked)
+    coupled, ties = _find_couplings(tree, known, moved, locked)
     joints = {name: joint for name, joint in known.items() if joint not in locked}
     if not joints:
         raise ModelError(f"the robot at body '{tree.body_name(number)}' has no joint that moves")
@@ -161,7 +161,7 @@ class _Tie(NamedTuple):
 
 
 def _find_couplings(
-    tree: Tree, known: Mapping[str, int], driven: set[int], locked: dict[int, float]
+    tree: Tree, known: Mapping[str, int], moved: set[int], locked: dict[int, float]
 ) -> tuple[dict[str, Coupling], tuple[int, ...]]:
     """Return the joints that an equality couples to one that is driven, and these equalities, from the drives outwards.
 
@@ -169,7 +169,7 @@ def _find_couplings(
     or none, it is a force that no description has.
     """
     names, coupled = {number: name for name, number in known.items()}, dict[str, Coupling]()
-    leading, ties, waiting = driven | set(locked), list[int](), _ties(tree, names)
+    leading, ties, waiting = moved | set(locked), list[int](), _ties(tree, names)
     while True:
         left = []
         for each in waiting:

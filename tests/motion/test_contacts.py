@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,7 @@ from wbc.motion.contacts import always_standing, find_contacts, runs, touching
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion, Soles, corners_of, zmp_of
-from wbc.motion.measures import MotionMeasures, measure, nearest_inside, supports_of
+from wbc.motion.measures import measure, nearest_inside, supports_of
 from wbc.walking.plans.reach import Reach
 
 RATE = 100.0
@@ -262,10 +261,6 @@ def test_measures_of_a_robot_that_is_moved_by_rule(robot: Robot) -> None:
 
     rest = measured(still)
     assert rest.feasible and not rest.infeasible_frames.any() and rest.slide_speed == rest.zmp_outside == 0.0
-    for former, present in MotionMeasures.RENAMED.items():
-        assert hasattr(rest, present.partition(" ")[0])
-        with pytest.raises(AttributeError, match=re.escape(f"'{former}'; in its place: {present}")):
-            getattr(rest, former)
     assert (
         rest.sole_depth == pytest.approx(0.0, abs=1e-4)
         and rest.friction < 1e-6

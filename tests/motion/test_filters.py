@@ -90,6 +90,7 @@ def test_arms_and_trunk_are_no_further_out_than_their_torques_hold(hrp4: Robot) 
     )
 
 
+@pytest.mark.slow
 def test_a_motion_that_would_slip_is_slowed_down_until_it_does_not(hrp4: Robot) -> None:
     """Arms that swing against each other turn the body: of half the friction they get, in steps of 1.2 of the time."""
     wave = np.zeros(121)
@@ -122,6 +123,7 @@ def test_the_zmp_is_kept_to_the_middle_of_the_soles_and_of_both_where_both_carry
     assert extents[110] == pytest.approx(extents[0], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_motion_rests_and_starts_for_the_times_that_are_set_and_slow_parts_alone_pass_a_low_cut_off(
     hrp4: Robot,
 ) -> None:
@@ -139,10 +141,12 @@ def test_a_motion_rests_and_starts_for_the_times_that_are_set_and_slow_parts_alo
     assert bends[0] < 0.5 * bends[1] and result.unfinished == usual.unfinished == ()
 
 
-def test_the_body_moves_until_the_zmp_is_on_the_soles(hrp4: Robot) -> None:
+@pytest.mark.parametrize("way", [pytest.param("sway", marks=pytest.mark.slow), "squat"])
+def test_the_body_moves_until_the_zmp_is_on_the_soles(hrp4: Robot, way: str) -> None:
     """Swayed 0.15 m aside in 0.6 s: it needs the ground half a metre beside the soles; squatting needs nothing."""
     sway, squat = (np.sin(np.pi * np.arange(count) / (count - 1.0)) ** 2 for count in (61, 81))
-    for changes, worst, hold in (({"y": 0.15 * sway}, 0.3, 0.4), ({"z": -0.05 * squat}, 0.0, 0.15)):
+    both = {"sway": ({"y": 0.15 * sway}, 0.3, 0.4), "squat": ({"z": -0.05 * squat}, 0.0, 0.15)}
+    for changes, worst, hold in [both[way]]:
         clip = still(hrp4, len(*changes.values()), **changes)
         if worst:
             assert check_motion(hrp4, clip).zmp_outside > worst

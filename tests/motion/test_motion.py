@@ -131,9 +131,10 @@ def test_a_clip_that_is_written_is_read_with_the_names_of_its_joints(
     """Whatever a joint is called, in one piece or several: other names are refused, and nothing is written."""
     pieces = [*'a,1#é" \\\n\t\0\x1c\u2028\ufeff\ud800', "time", "x", "left_stands", "nan", ""]
     path, written = tmp_path / f"clip.{ending}", 0
+    arms = replace(arms, base=arms.base[:2], joints=arms.joints[:2])
     write_motion(replace(arms, joint_names=(), joints=arms.joints[:, :0]), path)
     assert read_motion(path).joint_names == () and read_motion(path).joints.shape == (len(arms), 0)
-    for k, name in enumerate([*pieces, *map("".join, np.random.default_rng(0).choice(pieces, (60, 3)))]):
+    for k, name in enumerate([*pieces, *map("".join, np.random.default_rng(0).choice(pieces, (20, 3)))]):
         clip = replace(arms, joint_names=(name, *(f"{j} of {k}" for j in arms.joint_names[1:])))
         path.unlink(missing_ok=True)
         try:
@@ -144,7 +145,7 @@ def test_a_clip_that_is_written_is_read_with_the_names_of_its_joints(
         else:
             assert read_motion(path).joint_names == clip.joint_names
             written += 1
-    assert written > 20
+    assert written > 10
 
 
 GOOD: dict[str, dict[str, Any]] = {
@@ -205,6 +206,7 @@ HEADER, ROW = "time,x,y,z,qx,qy,qz,qw,a\n", "0,0,0,1,0,0,0,1,0\n"
         GMR | {"fps": "fast"},
         {name: GMR[name] for name in ("fps", "dof_pos")},
         {"joint_pos": np.array([{}], dtype=object)},
+        GMR | {"joint_names": np.array(["a", "b"], dtype=object)},
         "",
         HEADER + 2 * ROW,
         HEADER + ROW + ROW.replace("1", "one"),
@@ -247,14 +249,6 @@ def test_times_of_a_table_give_the_rate_and_increase_evenly(
         return
     with pytest.raises(InputError, match="evenly"):
         read_motion(path)
-
-
-def test_names_in_a_pickle_are_refused_with_the_way_out(tmp_path: Path) -> None:
-    np.savez(tmp_path / "clip.npz", **GMR, joint_names=np.array(["a", "b"], dtype=object))
-    with pytest.raises(
-        InputError, match=r"'joint_names' is of Python objects.*np\.array\(names, dtype=str\)"
-    ):
-        read_motion(tmp_path / "clip.npz")
 
 
 def test_bad_clips_are_refused(arms: MotionClip) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, SkeletonClip, check_motion, read_motion, retarget
+from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
 from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion, arm_joints
@@ -325,21 +324,6 @@ def test_the_centre_of_a_shoulder_is_that_of_a_sphere_within_rounding(robot: Rob
     elbow = torso.actInv(data.oMi[number].translation)
     np.testing.assert_allclose(centre, shoulder, atol=1e-6)
     assert radius == pytest.approx(np.linalg.norm(elbow - shoulder)) and off < 1e-9
-
-
-def test_a_table_names_the_row_and_column_of_a_cell_that_is_no_number(tmp_path: Path) -> None:
-    header, row = "time,x,y,z,qx,qy,qz,qw,a", ["0", "0", "0", "1", "0", "0", "0", "1", "0"]
-    for place in (2, 6):
-        bad = [*row]
-        bad[place] = "one"
-        lines = [header, ",".join(row), ",".join(bad), ",".join(row)]
-        (tmp_path / "clip.csv").write_text("\n".join(lines), encoding="utf-8")
-        with pytest.raises(InputError, match=rf"'one' in row 3, column {place + 1}"):
-            read_motion(tmp_path / "clip.csv")
-    bare = [",".join(row[1:]), ",".join(row[1:]).replace("1", "one", 1)]
-    (tmp_path / "clip.csv").write_text("\n".join(bare), encoding="utf-8")
-    with pytest.raises(InputError, match="'one' in row 2, column 3"):
-        read_motion(tmp_path / "clip.csv", rate=50.0, joints=("a",))
 
 
 # --- the filter ------------------------------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import zipfile
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -138,8 +137,8 @@ BAD = {
     "one ROOT": SMALL.replace("JOINT Tip", "ROOT Tip"),
     "outside the braces": SMALL.replace("MOTION", "JOINT Lost\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION"),
     "'Tip' are not closed": "\n".join(SMALL.split("\n")[:12]),
-    "was not opened": SMALL.replace("MOTION", "}\nMOTION"),
-    "belongs to no joint": SMALL.replace("MOTION", "OFFSET 0 0 0\nMOTION"),
+    "'}' is no word": SMALL.replace("MOTION", "}\nMOTION"),
+    "'OFFSET' is no word of a hierarchy, or belongs": SMALL.replace("MOTION", "OFFSET 0 0 0\nMOTION"),
     "'Bones' is no word": SMALL.replace("CHANNELS 1", "Bones 1"),
     "a joint has no name": SMALL.replace("JOINT Tip", "JOINT"),
     "'Tip' must be three numbers": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 5"),
@@ -157,11 +156,8 @@ BAD = {
     "Frame Time must be 0.0001 to 1 s, got 0": SMALL.replace("0.025", "0"),
     "within ±1e+07, got nan": SMALL.replace("0.025", "nan"),
     "got -0.025": SMALL.replace("0.025", "-0.025"),
-    "holds 2 frames of 13 numbers; correct it to 'Frames: 2'": SMALL.replace("Frames: 2", "Frames: 999999999"),
-    "correct it to 'Frames: 2'": SMALL.replace("Frames: 2", "Frames: 1"),
-    "1 frames of 13 numbers and 7 numbers more; the file is cut off": SMALL[:-14],
-    "10000000 frames times joints at most, got 20000 times 999": "ROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Zrotation\n"
-    + 998 * "End Site\n{\nOFFSET 0 0 1\n}\n" + "}\nMOTION\nFrames: 20000\nFrame Time: 0.01\n" + 20_000 * "0\n",
+    "holds 2 frames of 13 numbers, and 0": SMALL.replace("Frames: 2", "Frames: 999999999"),
+    "1 frames of 13 numbers, and 7 numbers more": SMALL[:-14],
     "after MOTION must stand": SMALL.replace("Frames: 2", "Frames: 1000000000000"),
     "Zrotation of joint 'Hips' in frame 1 must be within": SMALL.replace("\n90 ", "\nnan "),
     "Xposition of joint 'Hips' in frame 1 must be within": SMALL.replace("0  1 0 0  90", "0  1e300 0 0  90"),
@@ -202,27 +198,6 @@ def test_arrays_of_another_kind_are_refused_with_what_is_needed(tmp_path: Path, 
         said = str(refused.value)
         assert all(word in said for word in model) and ("SMPL" in said) == ("poses" in name)
         assert ("joint_names, positions" if read is read_skeleton else "base and joints") in said
-
-
-def test_small_files_of_many_numbers_are_refused_before_they_are_unpacked(tmp_path: Path) -> None:
-    people = {"joint_names": np.array(["a"]), "positions": np.zeros((2, 1, 3)), "rate": 30.0}
-    for large in (
-        {"joint_names": np.full(3_000_000, "a")},
-        {"joint_names": np.array([f"j{i}" for i in range(2000)]), "positions": np.zeros((2, 2000, 3))},
-        {"positions": np.zeros(50_000_000, dtype=np.int8)},
-    ):
-        np.savez_compressed(tmp_path / "large.npz", **people | large)
-        with pytest.raises(InputError, match=r"large\.npz.* may have [0-9]+ (values at most|joints)"):
-            read_skeleton(tmp_path / "large.npz")
-    # 200 names of a million letters are 800 MB: the header alone says so.
-    with (
-        zipfile.ZipFile(tmp_path / "long.npz", "w") as archive,
-        archive.open("joint_names.npy", "w") as entry,
-    ):
-        header = {"descr": "<U1000000", "fortran_order": False, "shape": (200,)}
-        np.lib.format.write_array_header_1_0(entry, header)
-    with pytest.raises(InputError, match="may have 10000 values at most"):
-        read_skeleton(tmp_path / "long.npz")
 
 
 # Limbs
@@ -295,7 +270,7 @@ def test_names_that_occur_twice_are_no_names_of_limbs(clip: SkeletonClip) -> Non
 
 
 def test_a_mirrored_person_is_refused(clip: SkeletonClip) -> None:
-    """Names exchanged, of all limbs, arms or legs alone, or one axis turned; seen by toes, else by knees."""
+    """Names exchanged, of all limbs, arms or legs alone, or one axis turned."""
     swapped = {"left": "right", "right": "left"}
 
     def renamed(*kinds: str) -> SkeletonClip:
@@ -308,15 +283,10 @@ def test_a_mirrored_person_is_refused(clip: SkeletonClip) -> None:
     arms, legs = ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "toe")
     mirrored = [renamed(*arms), renamed(*legs), renamed(*arms, *legs)]
     mirrored += [replace(clip, positions=clip.positions * signs) for signs in ((1, -1, 1), (-1, 1, 1))]
-    kept = [i for i, name in enumerate(clip.joint_names) if "toe" not in name]
-    for each in [clip, *mirrored]:
-        names = tuple(each.joint_names[i] for i in kept)
-        for given in (each, replace(each, joint_names=names, positions=each.positions[:, kept])):
-            if each is clip:
-                assert given.limbs()
-                continue
-            with pytest.raises(InputError, match="is mirrored"):
-                given.limbs()
+    assert clip.limbs()
+    for each in mirrored:
+        with pytest.raises(InputError, match="is mirrored"):
+            each.limbs()
 
 
 def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> None:

@@ -181,11 +181,11 @@ def test_a_mesh_is_the_least_box_about_its_principal_axes(tmp_path: Path) -> Non
     np.testing.assert_allclose(points, sorted(map(tuple, np.round(expected, 6))), atol=2e-6)
 
 
-def test_a_flat_mesh_has_no_hull(tmp_path: Path) -> None:
-    """Wherever its plane is."""
+def test_a_flat_mesh_is_a_thin_box(tmp_path: Path) -> None:
     corners = np.array([[x, y, 0.3] for x in (-0.1, 0.1) for y in (-0.2, 0.2)] * 2)
     (tmp_path / "flat.obj").write_text(obj(corners))
-    assert "trunk" not in trunk("<mesh filename='flat.obj'/>", tmp_path).collision_hulls()
+    (box,) = trunk("<mesh filename='flat.obj'/>", tmp_path).collision_hulls()["trunk"]
+    assert sorted(box.size) == pytest.approx([0.004, 0.2, 0.4])  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("kind", ["box", "sphere", "cylinder", "capsule"])

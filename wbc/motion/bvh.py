@@ -29,9 +29,6 @@ LARGEST = 100_000_000
 FARTHEST = 1e7
 """Greatest number in a frame, degrees or units of length."""
 
-MOST_PLACES = 10_000_000
-"""Most positions of joints, frames times joints: a joint without channels costs nothing in a file, but in memory."""
-
 ZERO = 1e-4
 """Length of a position below which it is zero, as a share of the offset whose place it would take."""
 
@@ -82,24 +79,21 @@ def _hierarchy(text: str) -> list[_Joint]:
             joints.append(_joint(word, rest, joints, opened))
             if len(joints) > MOST_JOINTS:
                 raise InputError(f"a skeleton may have {MOST_JOINTS} joints at most")
-        elif word == "{":
-            if not joints or len(joints) - 1 in opened or joints[-1].offset is not None:
-                raise InputError("a brace opens that belongs to no joint")
+        elif word == "{" and joints and joints[-1].offset is None and len(joints) - 1 not in opened:
             opened.append(len(joints) - 1)
-        elif word == "}":
-            if not opened:
-                raise InputError("a brace closes that was not opened")
+        elif word == "}" and opened:
             opened.pop()
-        elif word in ("OFFSET", "CHANNELS"):
-            if not opened:
-                raise InputError(f"{word} belongs to no joint")
+        elif word == "OFFSET" and opened:
             joint = joints[opened[-1]]
-            if word == "OFFSET":
-                joint.offset = _offset(joint.name, rest.split())
-            else:
-                joint.channels = _channels(joint.name, rest.split())
+            joint.offset = [_number(f"OFFSET of joint '{joint.name}'", part) for part in rest.split()]
+            if len(joint.offset) != 3:
+                raise InputError(
+                    f"OFFSET of joint '{joint.name}' must be three numbers, got {len(joint.offset)}"
+                )
+        elif word == "CHANNELS" and opened:
+            joints[opened[-1]].channels = _channels(joints[opened[-1]].name, rest.split())
         elif word != "HIERARCHY":
-            raise InputError(f"'{word[:40]}' is no word of a hierarchy")
+            raise InputError(f"'{word[:40]}' is no word of a hierarchy, or belongs to no joint")
     if opened:
         raise InputError(f"the braces of joint '{joints[opened[-1]].name}' are not closed")
     if not joints:
@@ -151,14 +145,6 @@ def _number(what: str, text: str) -> float:
     return value
 
 
-def _offset(name: str, words: list[str]) -> list[float]:
-    """Return the offset of a joint."""
-    offset = [_number(f"OFFSET of joint '{name}'", word) for word in words]
-    if len(offset) != 3:
-        raise InputError(f"OFFSET of joint '{name}' must be three numbers, got {len(offset)}")
-    return offset
-
-
 def _channels(name: str, words: list[str]) -> list[str]:
     """Return the channels of a joint: those of positions and rotations are each of another axis."""
     channels = words[1:]
@@ -195,18 +181,11 @@ def _frames(text: str, joints: Sequence[_Joint]) -> tuple[Array, float]:
             _number(f"{columns[i % len(columns)]} in frame {i // len(columns)}", word)
     whole, rest = divmod(len(words), len(columns))
     if rest or whole != count:
-        more, way_out = "", f"correct it to 'Frames: {whole}'"
-        if rest:
-            more, way_out = f" and {rest} numbers more", "the file is cut off, or its CHANNELS are wrong"
         raise InputError(
-            f"'Frames: {count}' does not fit: the file holds {whole} frames of {len(columns)} numbers{more}; {way_out}"
+            f"'Frames: {count}' does not fit: the file holds {whole} frames of {len(columns)} numbers, and {rest} "
+            "numbers more"
         )
-    if count * len(joints) > MOST_PLACES:
-        raise InputError(
-            f"a file may have {MOST_PLACES} frames times joints at most, got {count} times {len(joints)}"
-        )
-    values = values.reshape(count, len(columns))
-    return values, 1.0 / period
+    return values.reshape(count, len(columns)), 1.0 / period
 
 
 def _positions(joints: list[_Joint], frames: Array) -> Array:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import former_name
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive, Ratio
@@ -70,15 +69,6 @@ class MotionMeasures:
     friction: float
     single_support: float
     infeasible_frames: Array
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "foot_slide": "slide_speed (m/s)",
-        "penetration": "sole_depth (m)",
-        "zmp_worst": "zmp_outside (m)",
-    }
-
-    if not TYPE_CHECKING:
-        __getattr__ = former_name
 
     def to_json(self) -> dict[str, Any]:
         """Return the measures as plain values, of the infeasible frames their share."""

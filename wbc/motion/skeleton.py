@@ -36,9 +36,6 @@ SIDE_WORDS = {"left": ("left", "l"), "right": ("right", "r")}
 MOST_JOINTS = 1000
 """Most joints and end sites of a skeleton."""
 
-BEND = 0.05
-"""Distance of a knee from the way from hip to ankle that shows which way it bends, as a share of that way."""
-
 UPRIGHT = 0.5
 """Least share of the way from the ankles to the shoulders that is vertical in the first frame."""
 
@@ -131,12 +128,11 @@ class SkeletonClip:
     def _refuse_mirrored(self, found: Mapping[str, Array]) -> None:
         """Raise an `InputError` for legs, or arms, whose left and right side are exchanged.
 
-        Toes are in front of the ankles and knees bend forward; where neither shows, nothing is said.
+        Toes are in front of the ankles; without toes nothing is said of both together.
         """
         hips, shoulders = (found[f"left_{part}"] - found[f"right_{part}"] for part in ("hip", "shoulder"))
         up = 0.5 * sum(found[f"{side}_shoulder"] - found[f"{side}_hip"] for side in SIDE_WORDS)
         ahead = np.cross(hips, up)
-        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), np.finfo(float).tiny)
         wrong = ""
         if float(np.mean((hips * shoulders).sum(axis=1))) < 0.0:
             wrong = "the shoulders lie the other way round than the hips"
@@ -144,14 +140,6 @@ class SkeletonClip:
             toes = sum(found[f"{side}_toe"] - found[f"{side}_ankle"] for side in SIDE_WORDS)
             if float(np.mean((toes * ahead).sum(axis=1))) < 0.0:
                 wrong = "the toes point backward"
-        else:
-            bends = []
-            for side in SIDE_WORDS:
-                hip, knee, ankle = (found[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
-                bend = ((knee - 0.5 * (hip + ankle)) * ahead).sum(axis=1)
-                bends.append(bend / np.maximum(np.linalg.norm(hip - ankle, axis=1), np.finfo(float).tiny))
-            if float(np.min(bends)) < -max(BEND, float(np.max(bends))):
-                wrong = "the knees bend backward"
         if wrong:
             raise InputError(
                 f"the person of '{self.name}' is mirrored: {wrong}; exchange the names of left and right, or turn the "
