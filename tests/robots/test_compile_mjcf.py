@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from meshes import CORNERS, obj, stl
 from mjcf_biped import biped
+from mjcf_robot import plain
 
 from wbc.base.errors import InputError, ModelError
 from wbc.core.model import Coupling
@@ -184,7 +185,7 @@ def test_a_field_of_heights_is_no_shape_of_a_robot() -> None:
 
 
 def test_gains_and_rotors_of_a_file_give_way_to_those_that_are_given() -> None:
-    own = RobotDescription.from_mjcf(biped())
+    own = plain()
     given = RobotDescription.from_mjcf(biped(), gains={"left_knee": (7.0, 1.0)}, armature={"left_knee": 0.3})
     assert given.gains == {**own.gains, "left_knee": (7.0, 1.0)}
     assert given.armature == {**own.armature, "left_knee": 0.3}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from urdf_biped import FEET, FOOT_BOX, biped
+from urdf_biped import FEET, FOOT_BOX, biped, described
 
 import wbc
 from wbc.base.errors import InputError, ModelError
@@ -23,12 +23,8 @@ from wbc.robots import RobotDescription, files, load, registry, urdf
 from wbc.robots.derivation.servo import ServoRule
 
 
-def own() -> RobotDescription:
-    return RobotDescription.from_urdf(biped(), **FEET)
-
-
 def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> None:
-    description = own()
+    description = described()
     heavier = RobotDescription.from_urdf(biped().replace('mass value="15"', 'mass value="15.5"'), **FEET)
     left, right = description.soles
     tie = Closure("tie", "l_elbow_link", "r_elbow_link", False)
@@ -72,7 +68,7 @@ class Tailed(RobotDescription):
 
 
 def test_a_further_field_is_in_the_hash() -> None:
-    values = {item.name: getattr(own(), item.name) for item in dataclasses.fields(RobotDescription)}
+    values = {item.name: getattr(described(), item.name) for item in dataclasses.fields(RobotDescription)}
     assert Tailed(**values).digest != Tailed(**values, tail=1.0).digest
 
 
@@ -113,7 +109,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize("what", WRONG)
 def test_values_that_cannot_be_are_refused_by_joint(what: str) -> None:
-    description = own()
+    description = described()
     changes, said = WRONG[what]
     if "mechanism" in changes:
         changes = {"mechanism": RobotDescription.from_urdf(biped(), base="fixed").mechanism}
@@ -130,7 +126,7 @@ def test_values_that_cannot_be_are_refused_by_joint(what: str) -> None:
 def test_a_mechanism_with_a_joint_without_torque_limit_is_refused() -> None:
     weak = urdf.read(biped().replace('effort="80"', 'effort="0"', 1))
     with pytest.raises(ModelError, match="must have torque limits: l_hip_yaw have none"):
-        dataclasses.replace(own(), mechanism=weak.mechanism(False))
+        dataclasses.replace(described(), mechanism=weak.mechanism(False))
 
 
 @pytest.mark.parametrize("name", ["talos", "panda", "examples/biped.xml"])
@@ -149,7 +145,7 @@ def test_a_description_in_json_is_the_same_to_the_last_bit(name: str) -> None:
 
 
 def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> None:
-    description = dataclasses.replace(own(), gains={"l_knee": (100.0, 2.0)})
+    description = dataclasses.replace(described(), gains={"l_knee": (100.0, 2.0)})
     robot, servos = description.robot(), description.servos
     assert servos.tipping == pytest.approx(robot.mass * 9.80665 * robot.com[2], rel=1e-9)
     assert set(servos.ankles) == {f"{s}_{joint}" for s in "lr" for joint in ("ankle_pitch", "ankle_roll")}
@@ -169,7 +165,7 @@ def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> N
 
 
 def test_the_stiffest_leg_is_that_of_the_height_over_its_soles_wherever_the_robot_is() -> None:
-    description = own()
+    description = described()
     model, frames = description.pinocchio_model(), tuple(sole.frame for sole in description.soles)
     q = description.robot().half_sitting
     raised = q + np.eye(len(q))[2]
@@ -226,7 +222,7 @@ def test_a_material_may_be_used_before_the_link_that_defines_it() -> None:
 
 
 def test_a_description_is_found_by_the_name_that_a_spec_keeps() -> None:
-    g1, mine = load("g1"), own()
+    g1, mine = load("g1"), described()
     assert all(registry.name_of(each) == "g1" for each in (g1, "g1", pickle.loads(pickle.dumps(g1))))
     name = registry.name_of(mine)
     assert name == f"biped#{mine.digest}" and load(name) is mine and registry.stamped(name) == name

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mjcf_biped import MOTORS, biped
+from mjcf_robot import plain
 
 from wbc.base.errors import InputError, ModelError
 from wbc.core.model import Coupling
@@ -118,10 +119,10 @@ def test_toes_within_five_millimetres_of_the_plane_of_a_foot_are_a_part_of_it(hi
 
 
 def test_a_foot_that_is_named_leaves_the_other_to_be_found() -> None:
-    own = RobotDescription.from_mjcf(biped())
+    own = plain()
     for given in ({"left_sole": "left_foot"}, {"right_sole": "right_foot"}):
         assert RobotDescription.from_mjcf(biped(), **given).soles == own.soles  # type: ignore[arg-type]
-    derived = RobotDescription.from_mjcf(biped()).derived
+    derived = plain().derived
     assert "foot: body 'left_foot', the end of one of the two lowest limbs" in derived
     assert "left_foot: 210 x 100 mm, from 2 capsules of body 'left_foot'" not in derived
     assert "left_foot: 190 x 80 mm, from 2 capsules of body 'left_foot'" in derived

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from meshes import obj
-from urdf_biped import FEET, biped
+from urdf_biped import FEET, biped, described
 
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
@@ -110,7 +110,7 @@ def test_a_repaired_load_of_no_mass_is_none(mass: float) -> None:
     load = f'<link name="load"><inertial>{inertial(mass, 0.1 * np.eye(3))}</inertial></link>'
     fix = '<joint name="load_fix" type="fixed"><parent link="l_knee_link"/><child link="load"/></joint>'
     description = RobotDescription.from_urdf(biped(after=load + fix), repair=True, **FEET)
-    own = RobotDescription.from_urdf(biped(), **FEET)
+    own = described()
     np.testing.assert_allclose(description.robot().mass_matrix, own.robot().mass_matrix, atol=1e-9)
     assert any(
         "'load'" in line and "its inertial element was removed" in line for line in description.derived

@@ -20,24 +20,19 @@ from wbc.robots.mechanism import placement_of
 from wbc.sim import Plant
 
 
-@pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
-def test_the_dynamics_are_those_of_mujoco(kind: str, tmp_path) -> None:
+def test_the_dynamics_are_those_of_mujoco(tmp_path: Path) -> None:
     """Anchors, references, two joints in a body, frames, slides and a second free body included."""
-    xml = biped()
-    (tmp_path / "biped.xml").write_text(xml)
-    source = {
-        "text": xml,
-        "path": tmp_path / "biped.xml",
-        "spec": mujoco.MjSpec.from_string(xml),
-        "model": mujoco.MjModel.from_xml_string(xml),
-    }[kind]
-    description = RobotDescription.from_mjcf(source)
-    assert description.name == "little_biped"
-    assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml))
+    xml, path = biped(), tmp_path / "biped.xml"
+    path.write_text(xml)
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert plain().name == "little_biped"
+    assert_same_dynamics(plain(), model)
+    for source in (path, mujoco.MjSpec.from_string(xml), model):
+        assert RobotDescription.from_mjcf(source).digest == plain().digest
 
 
 def test_what_the_file_says_is_kept() -> None:
-    description = RobotDescription.from_mjcf(biped())
+    description = plain()
     names = description.joint_names
     torque = dict(zip(names, description.torque_limit, strict=True))
     assert torque["left_knee"] == 80.0 and torque["waist"] == 60.0
@@ -276,10 +271,9 @@ def test_a_file_is_read_without_its_meshes_where_no_mass_is_theirs(tmp_path: Pat
     file = tmp_path / "biped.xml"
     xml = biped(extra=assets.format('<mesh name="hat" file="gone.obj"/>'))
     file.write_text(xml.replace('<joint name="waist"', f'{hat}<joint name="waist"'))
-    plain = RobotDescription.from_mjcf(biped())
     without = RobotDescription.from_mjcf(file, meshes=False)
-    np.testing.assert_allclose(without.robot().mass_matrix, plain.robot().mass_matrix, atol=1e-12)
-    assert set(plain.robot().velocity_limit) == {20.0, 1.0}, "of hinges and of a slide: an MJCF gives none"
+    np.testing.assert_allclose(without.robot().mass_matrix, plain().robot().mass_matrix, atol=1e-12)
+    assert set(plain().robot().velocity_limit) == {20.0, 1.0}, "of hinges and of a slide: an MJCF gives none"
     with pytest.raises(ModelError, match="gone"):
         RobotDescription.from_mjcf(file)
     file.write_text(xml.replace('<joint name="left_shoulder"', f'{hat}<joint name="left_shoulder"'))
@@ -294,7 +288,7 @@ def key(name: str, bend: float, arm: float = 0.3) -> str:
     return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
 
 
-@pytest.mark.parametrize("turn", [(24, -23, -5), (9, -2, 29), (20, 46, 18), (16, -40, 20)])
+@pytest.mark.parametrize("turn", [(24, -23, -5), (20, 46, 18)])
 def test_half_sitting_is_found_where_legs_are_spread_at_zero(turn: tuple[int, int, int]) -> None:
     """Ankles that roll by 12° cannot hold the feet flat as far apart as spread legs have them; nearer they can."""
     xml = biped().replace('axis="1 0 0" range="-30 30"', 'axis="1 0 0" range="-12 12"')
@@ -401,17 +395,17 @@ MESHES = {
 }
 
 
-MESH_SOURCES = ("path", "model", "spec", "attached", "scene")
-USUAL_MESHES = [*((what, "path") for what in MESHES), *(("meshdir", kind) for kind in MESH_SOURCES[1:])]
-"""Each mesh in a file, and one mesh in each kind of source; the slow run tries all pairs."""
+SCENE = (
+    '<mujoco><asset><model name="it" file="robot/robot.xml"/></asset><worldbody>'
+    '<attach model="it" body="pelvis" prefix="r/"/></worldbody></mujoco>'
+)
 
 
 @pytest.mark.parametrize(
     ("what", "kind"),
     [
-        pytest.param(what, kind, marks=() if (what, kind) in USUAL_MESHES else pytest.mark.slow)
-        for what in MESHES
-        for kind in MESH_SOURCES
+        *((what, "path") for what in MESHES),
+        *(("meshdir", kind) for kind in ("model", "spec", "attached", "scene")),
     ],
 )
 def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
@@ -419,7 +413,7 @@ def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
 ) -> None:
     """Shapes of the chest are those of MuJoCo's compiled mesh; where no file has it so, the box around it."""
     compiler, mesh = MESHES[what]
-    home = tmp_path / "robot"
+    home, file = tmp_path / "robot", tmp_path / "robot" / "robot.xml"
     (home / "parts").mkdir(parents=True)
     (home / "parts" / "hull.obj").write_text(OBJ)
     xml = biped(extra=f'<compiler {compiler}/><asset><mesh name="hull" {mesh}/></asset>')
@@ -427,28 +421,15 @@ def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
         '<option gravity="0 0 -9.80665"/>', ""
     )  # MuJoCo warns of one that a scene does not have
     hull = '<geom type="mesh" mesh="hull" mass="0" pos="0.1 0.2 0.3" contype="0" conaffinity="0"/>'
-    xml = xml.replace('<joint name="waist"', f'{hull}<joint name="waist"')
-    (home / "robot.xml").write_text(xml)
-    spec = mujoco.MjSpec()
-    (tmp_path / "scene.xml").write_text(
-        '<mujoco><asset><model name="it" file="robot/robot.xml"/></asset><worldbody>'
-        '<attach model="it" body="pelvis" prefix="r/"/></worldbody></mujoco>'
-    )
+    file.write_text(xml.replace('<joint name="waist"', f'{hull}<joint name="waist"'))
+    (tmp_path / "scene.xml").write_text(SCENE)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    source: object = {"path": file, "model": model, "scene": tmp_path / "scene.xml"}.get(kind)
+    if kind in ("spec", "attached"):
+        source = own = mujoco.MjSpec.from_file(str(file))
     if kind == "attached":
-        spec.attach(
-            mujoco.MjSpec.from_file(str(home / "robot.xml")), frame=spec.worldbody.add_frame(), prefix="r/"
-        )
-    source = {
-        "path": home / "robot.xml",
-        "model": mujoco.MjModel.from_xml_path(str(home / "robot.xml")),
-        "spec": mujoco.MjSpec.from_file(str(home / "robot.xml")),
-        "attached": spec,
-        "scene": tmp_path / "scene.xml",
-    }[kind]
-    if (what, kind) == ("moved", "model"):
-        pytest.skip("a compiled model does not tell where its mesh was")
-    if what == "strippath" and kind in ("attached", "scene"):
-        pytest.skip("MuJoCo itself does not strip paths of what is attached")
+        source = mujoco.MjSpec()
+        source.attach(own, frame=source.worldbody.add_frame(), prefix="r/")
     description = RobotDescription.from_mjcf(source)
     chest = next(name for name in ("chest", "r/chest") if name in description.mechanism.inertias)
     boxed = what in ("moved", "in the file", "built in")
@@ -456,7 +437,6 @@ def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
     (shape,) = (
         shape for shape in link_shapes(description.mechanism, description.package_dirs) if shape.link == chest
     )
-    model = mujoco.MjModel.from_xml_path(str(home / "robot.xml"))
     geom = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
     place = placement_of(model.geom_pos[geom], model.geom_quat[geom])
     inside = [shape.place.actInv(place.act(np.array(each, dtype=float))) for each in model.mesh_vert]
@@ -481,11 +461,10 @@ TOUCHING = {
 def test_collision_shapes_are_the_geoms_that_touch(what: str) -> None:
     geom, extra = TOUCHING[what]
     xml = biped(extra=extra).replace('<joint name="waist"', f'{COVER}{geom}<joint name="waist"')
-    for source in (xml, mujoco.MjModel.from_xml_string(xml)):
-        description = RobotDescription.from_mjcf(source)
-        (shape,) = description.collision_shapes()["chest"]
-        assert shape.radius == pytest.approx(0.05 if what == "ellipsoid" else 0.07)
-        assert any("ellipsoid 'own'" in line for line in description.derived) == (what == "ellipsoid")
+    description = RobotDescription.from_mjcf(xml)
+    (shape,) = description.collision_shapes()["chest"]
+    assert shape.radius == pytest.approx(0.05 if what == "ellipsoid" else 0.07)
+    assert any("ellipsoid 'own'" in line for line in description.derived) == (what == "ellipsoid")
 
 
 TOE = """
@@ -519,10 +498,9 @@ def test_a_foot_of_several_bodies_is_what_touches_the_ground_under_the_ankle(foo
         np.testing.assert_allclose(description.ankle(sole.name), [-0.035, 0.0, 0.07], atol=1e-9)
     assert (set(toes) <= set(description.joint_names)) is driven
     assert any("left_toe" in line for line in description.doubts()) is not driven
-    assert (
-        RobotDescription.from_mjcf(xml, left_sole="left_foot", right_sole="right_foot").soles
-        == description.soles
-    )
+    if driven:
+        named = RobotDescription.from_mjcf(xml, left_sole="left_foot", right_sole="right_foot")
+        assert named.soles == description.soles
 
 
 def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:

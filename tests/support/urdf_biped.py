@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+from wbc.robots import RobotDescription
+
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
 LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
 
@@ -68,3 +72,9 @@ def biped(
 
 
 FEET = {"left_sole": "l_ankle_roll_link", "right_sole": "r_ankle_roll_link"}
+
+
+@cache
+def described() -> RobotDescription:
+    """Return the description of the robot that most cases change."""
+    return RobotDescription.from_urdf(biped(), **FEET)
