@@ -47,23 +47,16 @@ class ScanSettings:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Heights of the ground on a uniform grid along a line in the world.
+    """Heights of the ground on a uniform grid along a line in the world."""
 
-    Attributes:
-        x: Distance along `forward` from the world origin, ascending multiples of the step, shape (n,), m.
-        z: World height, shape (n,), m.
-        lateral: Distance to the left of the line through the world origin along `forward`, shape (n,), m.
-        seen: True where there is a hit within half a step; elsewhere z is interpolated, shape (n,).
-        forward: Unit vector of the walking direction in the world's x–y plane, shape (2,).
-        step: Distance of the samples, m.
-    """
-
-    x: Array
-    z: Array
-    lateral: Array
-    seen: NDArray[np.bool_]
-    forward: Array
-    step: float
+    x: Array  # distance along `forward` from the world origin, ascending multiples of the step, shape (n,), m
+    z: Array  # world height, shape (n,), m
+    lateral: Array  # distance to the left of the line through the world origin along `forward`, shape (n,), m
+    seen: NDArray[
+        np.bool_
+    ]  # True where there is a hit within half a step; elsewhere z is interpolated, shape (n,)
+    forward: Array  # unit vector of the walking direction in the world's x–y plane, shape (2,)
+    step: float  # distance of the samples, m
 
     @property
     def length(self) -> float:

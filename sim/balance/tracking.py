@@ -19,7 +19,7 @@ from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
 from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
 from wbc.robots import load
-from wbc.sim.trial.falls import BodyLimits, FallSettings
+from wbc.sim.trial.falls import FallSettings, TrueFallDetector
 from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.walking.control import WalkingControl
@@ -124,9 +124,9 @@ class TrackTrial(Trial[WalkingControl, TrackResult]):
         settings = replace(tracking_settings(), mode=spec.chosen)
         self.source = MotionSource(robot, clip, spec.period)
         control = WalkingControl(robot, self.source, spec.period, settings, observer=observer)
+        super().__init__(plant, control)
         limits = FallSettings()
-        drop = limits.drop * robot.length_scale
-        super().__init__(plant, control, BodyLimits(-drop, limits.tilt))
+        self.falls = TrueFallDetector(plant.robot, -limits.drop * robot.length_scale, limits.tilt)
         self._errors = _TrackMeter(robot.mass * GRAVITY)
         self.meters.append(self._errors)
 

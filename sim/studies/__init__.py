@@ -4,7 +4,7 @@ A study is a JSON file, such as those of `examples/studies`, or is made by a pro
 with `register_trial`.
 """
 
-from wbc.sim.studies import kinds, push_limit  # noqa: F401 - they register the kinds of trials of the library
+from wbc.sim.studies import kinds  # noqa: F401 - it registers the kinds of trials of the library
 from wbc.sim.studies.intervals import (
     Estimate,
     holm,

@@ -1,7 +1,7 @@
 """Outcomes of trials, and the kinds of trials that a sweep runs.
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
-it need not be run twice. The kinds of the library are in `kinds` and `push_limit`; your own are registered with
+it need not be run twice. The kinds of the library are in `kinds`; your own are registered with
 `register_trial`, are an entry point of a package, in the group "wbc.trials", or are named "FILE.py:NAME".
 """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -331,25 +333,19 @@ def layout_of(spec: Mapping[str, Any]) -> Hashable:
 
 def _row(spec: Mapping[str, Any], by: Sequence[str]) -> str:
     """Return the name of the row of a trial when cells are put together."""
-    values = {name: part_of(spec, name, "part of a spec") for name in by}
+    values = {name: part_of(spec, name) for name in by}
     return ", ".join(
-        f"{name.rpartition('.')[2]} {_exact(value)}" if isinstance(value, (int, float)) else str(value)
+        f"{name.rpartition('.')[2]} {str(value).removesuffix('.0')}"
+        if isinstance(value, (int, float))
+        else str(value)
         for name, value in values.items()
     )
 
 
-def _exact(number: float) -> str:
-    """Return a number as a short text that no other number has: rows of different numbers are different ones."""
-    short = f"{number:g}"
-    return short if float(short) == number else repr(number)
-
-
-def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:
-    """Return a part of plain data by its dotted name; `what` is the noun of the message if there is none such."""
-    value: Any = data
-    for key in name.split("."):
-        if not isinstance(value, Mapping) or key not in value:
-            known = [f"{a}.{b}" for a, v in data.items() if isinstance(v, Mapping) for b in v]
-            unknown_name(what, name, [*data, *known])
-        value = value[key]
-    return value
+def part_of(spec: Mapping[str, Any], name: str) -> Any:
+    """Return a part of a spec as plain data by its dotted name."""
+    try:
+        return functools.reduce(operator.getitem, name.split("."), spec)
+    except (LookupError, TypeError):
+        known = [f"{a}.{b}" for a, v in spec.items() if isinstance(v, Mapping) for b in v]
+        unknown_name("part of a spec", name, [*spec, *known])

@@ -38,36 +38,28 @@ class FallSettings:
     tilt: Annotated[Positive, "rad"] = 0.6435
 
 
-@settings
-class BodyLimits:
-    """Limits of the body beyond which a robot has fallen.
-
-    Attributes:
-        height: Lowest height of the CoM over the ground, m.
-        tilt: Largest angle of the base to its orientation at half-sitting, rad; a turn about the vertical is none.
-    """
-
-    height: Annotated[Number, "m"]
-    tilt: Annotated[Positive, "rad"] = LARGEST_TILT
-
-
 class TrueFallDetector:
     """Fall test by the true state of a simulation.
 
     Attributes:
-        limits: Limits of the body.
+        height: Lowest height of the CoM over the ground, m; that of a robot that stands or squats when None.
+        tilt: Largest angle of the base to its orientation at half-sitting, rad; a turn about the vertical is none.
     """
 
     @checked
-    def __init__(self, robot: Robot, limits: BodyLimits | None = None) -> None:
-        """Take half-sitting as upright; the limits are those of a robot that stands or squats when None."""
+    def __init__(
+        self,
+        robot: Robot,
+        height: Annotated[Number, "m"] | None = None,
+        tilt: Annotated[Positive, "rad"] = LARGEST_TILT,
+    ) -> None:
+        """Take half-sitting as upright."""
         self._model, self._data = robot.model, robot.model.createData()
-        if limits is None:
-            limits = BodyLimits(LOWEST_SHARE * self._com_height(robot.half_sitting))
-        self.limits = limits
+        self.height = LOWEST_SHARE * self._com_height(robot.half_sitting) if height is None else height
+        self.tilt = tilt
         rotation = np.asarray(pin.Quaternion(robot.half_sitting[3:7]).toRotationMatrix())
         self._up: tuple[float, float, float] = tuple(rotation[2].tolist())
-        self._upright = math.cos(self.limits.tilt)
+        self._upright = math.cos(tilt)
 
     def reason(
         self, base: Array | Sequence[float], height: float, up: Array | Sequence[float] | None = None
@@ -85,7 +77,7 @@ class TrueFallDetector:
         vertical = a * 2.0 * (x * z - w * y) + b * 2.0 * (y * z + w * x) + c * (1.0 - 2.0 * (x * x + y * y))
         if not vertical >= self._upright * (x * x + y * y + z * z + w * w):
             return FallReason.TILT
-        return None if height >= self.limits.height else FallReason.HEIGHT
+        return None if height >= self.height else FallReason.HEIGHT
 
     def fallen(self, q: Array) -> bool:
         """Return True if a robot on the floor has fallen, by its true configuration, shape (nq,)."""

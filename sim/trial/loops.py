@@ -84,25 +84,14 @@ def register_loop(name: str, factory: LoopFactory) -> None:
 
 @dataclass(frozen=True)
 class LoopKind:
-    """A loop by its name.
+    """A loop by its name."""
 
-    Attributes:
-        name: As a spec keeps it: that of a file has the hash of its content behind it.
-        factory: Class or function that makes it.
-        takes: Names of its options; None for any.
-    """
-
-    name: str
+    name: str  # as a spec keeps it: that of a file has the hash of its content behind it
     factory: LoopFactory
-    takes: frozenset[str] | None
+    takes: frozenset[str] | None  # names of its options; None for any
 
     def check(self, machine: Machine, wanted: Mapping[str, object]) -> None:
-        """Refuse what a trial wants beyond a robot on its own soles on a floor, if the loop has no option for it.
-
-        Args:
-            machine: Properties of the machine.
-            wanted: Option of the loop → what the trial wants, for messages.
-        """
+        """Refuse what a trial wants beyond a robot on its own soles on a floor, if the loop has no option for it."""
         for option, value in wanted.items():
             if self.takes is not None and option not in self.takes:
                 raise InputError(

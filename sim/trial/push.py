@@ -12,7 +12,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settings
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.trial import AnyTrial, TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.walking.contact import LIFT_OFFS
 from wbc.walking.steered import SteeredControl
 
@@ -57,17 +57,11 @@ def push_along(
 
 
 class PushSchedule(TrialHook):
-    """The pushes of a trial that have not begun yet; each trial has all of them."""
+    """The pushes of one trial that have not begun yet."""
 
     def __init__(self, pushes: Sequence[WalkPush]) -> None:
         """Keep all pushes for later."""
-        self._pushes = tuple(pushes)
-        self.start(None)
-
-    def start(self, trial: AnyTrial | None) -> None:
-        """See `TrialHook`."""
-        del trial
-        self._pending = list(self._pushes)
+        self._pending = list(pushes)
         self._lift_off: dict[int, tuple[float, float]] = {}  # step, from 1 → time and duration of the step, s
 
     @property

@@ -34,7 +34,7 @@ from wbc.core.drive.control import Control, DriveControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Measurement
 from wbc.sim.simulation.simulation import DivergedError, Simulation
-from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.spec import WallClock
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -56,17 +56,10 @@ class StageError(WbcError):
 
 @dataclass(frozen=True, slots=True)
 class TrialTick:
-    """One tick of a trial: the measurement, and the command that follows from it.
+    """One tick of a trial: the measurement, and the command to the drives that follows from it."""
 
-    Attributes:
-        plant: The plant in the state that was measured; it moves on after the hooks.
-        control: The controller, with the references of this tick, or of the last one whose measurement was good.
-        measurement: Readings of the sensors.
-        command: Command to the drives.
-    """
-
-    plant: Simulation
-    control: Any
+    plant: Simulation  # in the state that was measured; it moves on after the hooks
+    control: Any  # with the references of this tick, or of the last one whose measurement was good
     measurement: Measurement
     command: Command
 
@@ -114,7 +107,7 @@ class Trial(Generic[ControlT, ResultT]):
         tick_times: Wall time of each tick, from measurement to command, s.
         hook_time: Wall time in `hooks`, s.
         loop_time: Wall time of `run` without the time in `hooks`, s.
-        falls: Test of the true state for a fall.
+        falls: Test of the true state for a fall, at first that of a standing robot.
     """
 
     _started = False
@@ -125,17 +118,9 @@ class Trial(Generic[ControlT, ResultT]):
         self,
         plant: Simulation | Any,
         control: ControlT,
-        limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:
-        """Connect plant and controller.
-
-        Args:
-            plant: The plant, or a loop of your own with the parts of a `Simulation` that the trial uses.
-            control: The controller.
-            limits: Limits of the body in the fall test; those of a standing robot when None.
-            scenario: Hooks that act.
-        """
+        """Connect controller and plant, or a loop of your own with the parts of a `Simulation` that the trial uses."""
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
         check_parts("a control", control, "command", "check_period")
         control.check_period(plant.control_period)
@@ -151,7 +136,7 @@ class Trial(Generic[ControlT, ResultT]):
         self._stopping = False
         self.tick_times = array("d")
         self.hook_time = self.loop_time = 0.0
-        self.falls = TrueFallDetector(plant.robot, limits)
+        self.falls = TrueFallDetector(plant.robot)
 
     @property
     def drives(self) -> DriveControl:
@@ -240,9 +225,10 @@ class Trial(Generic[ControlT, ResultT]):
         for meter in self.meters:
             meter.tick(tick)
         if self.hooks:
-            with self._not_counted():
-                for hook in self.hooks:
-                    hook.tick(tick)
+            start = time.perf_counter()
+            for hook in self.hooks:
+                hook.tick(tick)
+            self.hook_time += time.perf_counter() - start
         for part in self.scenario:
             part.tick(tick)
         plant.step(command)
@@ -255,9 +241,10 @@ class Trial(Generic[ControlT, ResultT]):
         for part in (*self.meters, *self.scenario):
             part.after(self)
         if self.hooks:
-            with self._not_counted():
-                for hook in self.hooks:
-                    hook.after(self)
+            start = time.perf_counter()
+            for hook in self.hooks:
+                hook.after(self)
+            self.hook_time += time.perf_counter() - start
         return self.fall is None and self.diverged is None and not self.stopped
 
     def advance(self, seconds: float, look: Look | None = None) -> None:
@@ -368,12 +355,6 @@ class Trial(Generic[ControlT, ResultT]):
                 except Exception:
                     _log.exception("a hook of a trial that has failed could not end")
             raise
-
-    @contextmanager
-    def _not_counted(self) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.hook_time += time.perf_counter() - start
 
 
 AnyTrial = Trial[Any, Any]

@@ -18,34 +18,21 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Touchdowns:
-    """Numbers of touch-downs of the swing feet.
+    """Numbers of touch-downs of the swing feet."""
 
-    Attributes:
-        early: Before the planned time.
-        on_time: At the planned time.
-        late: After it, while reaching down.
-        missed: No ground found; the foot was then taken to stand where it was.
-        forced_lift_offs: Lift-offs of feet that still carried load.
-    """
-
-    early: int
+    early: int  # before the planned time
     on_time: int
-    late: int
-    missed: int
-    forced_lift_offs: int
+    late: int  # after it, while reaching down
+    missed: int  # no ground found; the foot was then taken to stand where it was
+    forced_lift_offs: int  # lift-offs of feet that still carried load
 
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Mechanical work of groups of joints, ∑ |τ q̇| over control periods.
+    """Mechanical work of groups of joints, ∑ |τ q̇| over control periods."""
 
-    Attributes:
-        legs: Of the joints between soles and base, J.
-        upper_body: Of all others, J.
-    """
-
-    legs: Annotated[float, "J"]
-    upper_body: Annotated[float, "J"]
+    legs: Annotated[float, "J"]  # of the joints between soles and base
+    upper_body: Annotated[float, "J"]  # of all others
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,32 +42,24 @@ class Fall:
     Without a stabilizer there is no DCM error, and the onset is the fall itself.
 
     Attributes:
-        reason: Height, tilt, down or solver: see `wbc.core.estimation.falls.FallReason`.
-        time: Time at which the robot counted as fallen, s.
-        onset: Time of the onset, s.
-        step: Number of the step at the onset, from 1; one more than the last at the end of the walk.
-        phase: "single support", "double support" or "standing".
-        share: Elapsed time over the duration of that phase.
-        dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference; None without a stabilizer.
-        dcm_outward: Excursion over the stance foot to the outside, m; likewise.
         cause: "dropped" where the CoM sank; else the direction of the larger excursion, or without them of the
             CoM's true velocity, seen from the stance foot: "forward", "backward", "left" or "right". A simulation
             that diverged is no fall.
-        sole_roll: Tilt of the stance sole across, rad.
-        sole_pitch: Tilt of the stance sole along, toe down positive, rad.
     """
 
-    reason: str
-    time: Annotated[float, "s"]
+    reason: str  # height, tilt, down or solver: see `wbc.core.estimation.falls.FallReason`
+    time: Annotated[float, "s"]  # at which the robot counted as fallen
     onset: Annotated[float, "s"]
-    step: int
-    phase: str
-    share: float
-    dcm_forward: Annotated[float, "m"] | None
-    dcm_outward: Annotated[float, "m"] | None
+    step: int  # number of the step at the onset, from 1; one more than the last at the end of the walk
+    phase: str  # "single support", "double support" or "standing"
+    share: float  # elapsed time over the duration of that phase
+    dcm_forward: Annotated[float, "m"] | None  # DCM measured minus reference along the stance foot
+    dcm_outward: (
+        Annotated[float, "m"] | None
+    )  # the same over the foot to the outside; None without a stabilizer
     cause: str
-    sole_roll: Annotated[float, "rad"]
-    sole_pitch: Annotated[float, "rad"]
+    sole_roll: Annotated[float, "rad"]  # tilt of the stance sole across
+    sole_pitch: Annotated[float, "rad"]  # along, toe down positive
 
 
 @dataclass(frozen=True, kw_only=True)

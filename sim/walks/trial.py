@@ -26,7 +26,7 @@ from wbc.policy.guard import PolicyGuard
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
@@ -124,8 +124,7 @@ class WalkTrial(Trial[Any, WalkResult]):
         lowering = max(0.0, standing_com - (standing_com if walked is None else walked))
         super().__init__(plant, walking)
         limits, com = prepared.settings.falls, plant.com_height - self.ground - lowering
-        lowest = BodyLimits(com - limits.drop * robot.length_scale, limits.tilt)
-        self.falls = TrueFallDetector(plant.robot, lowest)
+        self.falls = TrueFallDetector(plant.robot, com - limits.drop * robot.length_scale, limits.tilt)
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self._pushes = PushSchedule(spec.pushes)
         self.scenario += [self._drive, self._pushes]

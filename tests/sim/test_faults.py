@@ -22,7 +22,7 @@ from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Study
-from wbc.sim.studies.push_limit import PushLimitSpec
+from wbc.sim.studies.kinds import PushLimitSpec
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import TrialTick

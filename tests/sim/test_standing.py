@@ -41,8 +41,8 @@ from wbc.sim.balance.standing import (
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.studies.kinds import PushLimitSpec, largest_recovered, limit_outcome
 from wbc.sim.studies.outcomes import run_trial, trial_from_json
-from wbc.sim.studies.push_limit import PushLimitSpec, largest_recovered, limit_outcome
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import WallClock

@@ -134,7 +134,7 @@ def test_layouts_are_the_ground_and_the_seed() -> None:
         ("seed", 4),
     ):
         assert layout_of({**one, name: value}) != layout_of(one)
-    assert part_of({"a": {"b": {"c": 4}}}, "a.b.c", "part") == 4
+    assert part_of({"a": {"b": {"c": 4}}}, "a.b.c") == 4
 
 
 class Direct(Executor):

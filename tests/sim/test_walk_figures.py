@@ -99,8 +99,6 @@ def test_a_push_at_a_step_begins_at_its_phase_after_the_lift_off() -> None:
     unable.control, unable.time = SimpleNamespace(), 9.0
     schedule.tick(unable)
     assert len(unable.pushes) == 1
-    schedule.start(None)  # in another trial all of them begin again
-    assert len(schedule.not_begun) == 5
     for times in ({}, {"time": 1.0, "step": 1}):
         with pytest.raises(InputError):
             WalkPush(impulse=0.1, **times)

@@ -267,7 +267,7 @@ def test_a_robot_that_starts_high_up_or_deep_down_has_fallen_as_far_from_there(d
             0.0 if x == 0.0 else 0.3 if direction == "up" else -0.3, abs=1e-5
         )
         assert trial.true_fall() is None
-        limits.append(trial.falls.limits.height)
+        limits.append(trial.falls.height)
     assert limits[0] == pytest.approx(limits[1], abs=1e-5)
 
 
@@ -278,9 +278,9 @@ def test_a_walk_that_goes_down_has_room_for_its_fall_below_its_height() -> None:
         changes = {} if height is None else {"com_height": height}
         trial = WalkTrial(WalkSpec(plan=SHORT, noise="none", changes=changes), visuals=False)  # type: ignore[arg-type]
         start = trial.plant.com_height - trial.ground
-        drops[height] = start - trial.falls.limits.height
+        drops[height] = start - trial.falls.height
         scale = trial.plant.robot.length_scale
-        assert trial.falls.limits.tilt == trial._prepared.settings.falls.tilt
+        assert trial.falls.tilt == trial._prepared.settings.falls.tilt
     least = 0.18 * scale
     assert drops[0.72] - drops[0.75] == pytest.approx(0.03)
     assert drops[None] == pytest.approx(least, abs=0.02) and drops[None] >= least - 1e-9

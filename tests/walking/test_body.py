@@ -16,7 +16,7 @@ from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
-from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
@@ -231,7 +231,7 @@ def test_free_steps_lift_their_feet_from_the_lowest_body(name: str) -> None:
     with pytest.raises(InputError, match=rf"com_height \(m\) of '{name}', as far as its legs bend, must be"):
         walking.body.com_height = lowest - 1e-3
     walking.body.com_height = lowest
-    falls, real = TrueFallDetector(plant.robot, BodyLimits(0.8 * lowest)), plant.description.robot()
+    falls, real = TrueFallDetector(plant.robot, 0.8 * lowest), plant.description.robot()
     while plant.time < 9.0:
         if 3.0 < plant.time < 7.0:
             walking.velocity = (0.3, 0.0, 0.1)

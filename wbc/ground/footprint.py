@@ -153,8 +153,7 @@ class Footprint:
     ) -> Support | None:
         """Return the ground at the best place near a place: where the sole rests quietly, not far away.
 
-        `allowed` is asked with the coordinates of a place in the world, m; `cost` adds to that of the distance. If
-        high edges leave none nearby that holds the sole, one further along is taken that does.
+        If high edges leave none nearby that holds the sole, one further along is taken that does.
         """
         s, turn = self.settings, complex(math.cos(yaw), math.sin(yaw))
         if not s.choice:

@@ -85,12 +85,7 @@ class HeightMap:
         settings: HeightMapSettings | None = None,
         origin: tuple[Number, Number, Number] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Start with all heights unknown.
-
-        Args:
-            settings: Settings; the defaults when None.
-            origin: Position x and y (m) and heading (rad) of the grid in the world.
-        """
+        """Start with all heights unknown; the settings are the defaults when None."""
         self.settings = s = settings or HeightMapSettings()
         self.origin = origin
         x, y, yaw = origin
