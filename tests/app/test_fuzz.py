@@ -109,25 +109,11 @@ def big_png(path: Path) -> None:
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-def with_pipe(path: Path, element: str) -> None:
-    """Write a robot with an element that names a pipe, in a file beside that includes it."""
-    os.mkfifo(path.with_name("pipe.stl"))
-    inner = path.with_name("inner.xml")
-    inner.write_text(f"<mujoco>{element.format('pipe.stl')}</mujoco>")
-    path.write_text(biped().replace("<worldbody>", f'<include file="{inner.name}"/><worldbody>', 1))
-
-
 IMAGE = "terrain image --param metres_per_pixel=0.1 --param source={}"
 BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "pipe.npy": (os.mkfifo, IMAGE),
     "pipe.toml": (os.mkfifo, "walk --spec {}"),
     "pipe.xml": (os.mkfifo, "robots check {}"),
-    "include.xml": (lambda path: with_pipe(path, '<include file="{}"/>'), "robots check {}"),
-    "mesh.xml": (lambda path: with_pipe(path, '<asset><mesh file="{}"/></asset>'), "robots check {}"),
-    "attached.xml": (
-        lambda path: with_pipe(path, '<asset><model name="m" file="{}"/></asset>'),
-        "robots check {}",
-    ),
     "zero.json": (lambda path: path.symlink_to("/dev/zero"), "study show {}"),
     "zero.arrow": (lambda path: path.symlink_to("/dev/zero"), "plot {} balance -o new.png"),
     "brace.npy": (lambda path: path.write_bytes(b"\x93NUMPY\x01\x00\x01\x00{"), IMAGE),
@@ -141,7 +127,7 @@ BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-ALIKE = ("pipe.npy", "pipe.xml", "mesh.xml", "attached.xml", "big.png")
+ALIKE = ("pipe.npy", "pipe.xml", "big.png")
 """Files that cannot be used for a reason that another one shows by default."""
 
 
