@@ -187,10 +187,6 @@ def controller() -> wbc.Controller:
     return made
 
 
-def released() -> Any:
-    return controller().release(["left_elbow_joint"])
-
-
 def spares() -> wbc.PositionTask:
     task = wbc.PositionTask("left_hand")
     task.spared = np.arange(2)
@@ -239,7 +235,6 @@ ASSIGNED: dict[str, tuple[Callable[[], Any], tuple[str, ...], tuple[object, ...]
         ),
     ),
     "obstacle's parts": (lambda: Obstacle("box", BALL), ("name", "shape"), (BALL, "ball", None)),
-    "released joints": (released, ("response",), (0.0, -1.0, NAN, math.inf, "quick", None)),
     "task": (lambda: controller().tasks[0], ("spared",), (NAN, -1, "12", [-1], [0.5], [[1]], None)),
     "spared joints": (spares, ("spared_acceleration",), (NAN, [0.0], "fast", [0.0, NAN], None)),
     "frame speed": (

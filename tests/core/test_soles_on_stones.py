@@ -189,7 +189,7 @@ def test_footholds_make_no_qp_infeasible(name: str, seed: int, speed: float, lef
         else:
             np.testing.assert_allclose(wrench, 0.0, atol=1e-6)
     hessian, gradient = problem.hessian, problem.gradient
-    other = solve_by_qpsolvers("daqp", problem, hessian, gradient)
+    other = solve_by_qpsolvers("daqp", problem)
     assert other is not None
     costs = [0.5 * y @ hessian @ y + gradient @ y for y in (x, other[0])]
     assert costs[0] <= costs[1] + 1e-5 * (1.0 + abs(costs[1]))

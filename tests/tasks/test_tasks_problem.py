@@ -80,7 +80,7 @@ def test_accelerations_agree_with_daqp(name: str, states: int) -> None:
             contact.reset()
         solution = controller.solve()
         problem = controller.problem
-        other = solve_by_qpsolvers("daqp", problem, problem.hessian, problem.gradient)
+        other = solve_by_qpsolvers("daqp", problem)
         if other is None:
             assert solution.status is Status.RELAXED or controller.diagnose()
             continue

@@ -13,7 +13,6 @@ import numpy as np
 
 from wbc.base.checked import fixed
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import Array
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.closure import LoopClosure
@@ -233,10 +232,6 @@ class Items:
     def _write(self) -> None:
         """Write the present state into the QP."""
         raise NotImplementedError
-
-    def error_of(self, task: Task) -> Array:
-        """Return the error of a task at the last tick, shape (dim,), a copy; zero before its first one."""
-        return self._assembly.error_of(task)
 
     def _move_targets(self) -> None:
         """Move all targets that are on their way on by one tick."""

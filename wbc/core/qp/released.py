@@ -14,16 +14,13 @@ diagonal.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv
 
-from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain
-from wbc.base.settings import Positive
 from wbc.core.qp.options import distinct_joints, joint_columns
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import Robot
@@ -38,7 +35,7 @@ STOP = 0.02
 """Distance from the end of a joint from which on its stop may act on it, rad; a quarter of its range at most."""
 
 RESPONSE = 0.05
-"""Time t in which servos follow a target, s, where the other one does not say."""
+"""Time t in which servos follow a target, s."""
 
 
 class ReleasedJoints(SelectionTask):
@@ -65,8 +62,7 @@ class ReleasedJoints(SelectionTask):
             some = ", ".join(robot.joint_names[joint] for joint in sorted(balancing))
             raise InputError(f"legs balance the robot and cannot be released: {some}")
         super().__init__("released joints", len(names), weight=WEIGHT, stiffness=0.0, damping=0.0)
-        self.joints, self._response = tuple(names), RESPONSE
-        self.commanded = commanded
+        self.joints, self.commanded = tuple(names), commanded
         self.mask = np.zeros(robot.na, dtype=bool)
         self.mask[self.index] = True
         for fixed in (self.mask, self.index):
@@ -90,16 +86,6 @@ class ReleasedJoints(SelectionTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Leave no error: the acceleration is known."""
         error[:] = 0.0
-
-    @property
-    def response(self) -> float:
-        """Time in which the joints' servos follow what is told, s."""
-        return self._response
-
-    @response.setter
-    @checked
-    def response(self, value: Annotated[Positive, "s"]) -> None:
-        self._response = value
 
     def tell(
         self, position: ArrayLike | None, velocity: ArrayLike = 0.0, acceleration: ArrayLike = 0.0
@@ -140,7 +126,7 @@ class ReleasedJoints(SelectionTask):
         velocity, known = v[self.columns], self._acceleration
         if self._told is not None:
             position, speed, push = self._told
-            rate = 1.0 / self._response
+            rate = 1.0 / RESPONSE
             known[:] = push + (speed - velocity) * (2.0 * rate) + (position - q[self._places]) * (rate * rate)
         elif self._before is not None:
             self._measured += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._measured)

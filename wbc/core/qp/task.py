@@ -249,7 +249,7 @@ class Task(Motion):
     @property
     def error(self) -> Array:
         """Error at the last tick, target − measured, shape (dim,), `unit`; a copy. Zero before the first one."""
-        return np.zeros(self.dim) if self.owner is None else np.asarray(self.owner.error_of(self))
+        return np.zeros(self.dim) if self.owner is None else np.asarray(self.owner._assembly.error_of(self))
 
     @property
     def residual_unit(self) -> str:

@@ -80,12 +80,12 @@ class DaqpSolver:
 
     def solve(
         self, hessian: Array, gradient: Array, guess: Array, relaxed: Relaxed | None = None
-    ) -> tuple[Array, Array, Array] | None:
+    ) -> tuple[Array, Array] | None:
         """Solve the problem with its Hessian, shape (n, n), and gradient, shape (n,), from a guess of the active set.
 
         The guess are multipliers of the inequalities, shape (n_in,): those that are not zero are tried first.
         All rows are constraints but those that are relaxed. Returned are the solution, and multipliers of the
-        equalities and of the inequalities; None without a solution.
+        inequalities; None without a solution.
         """
         p, n_eq = self._problem, self._problem.n_eq
         rows, upper, lower, sense = self._rows, self._upper, self._lower, self._sense
@@ -116,18 +116,14 @@ class DaqpSolver:
             rho_soft=SLACK,
         )
         self.iterations = int(info["iterations"])
-        if flag < 1:
-            return None
-        return x, info["lam"][:n_eq], info["lam"][n_eq:]
+        return None if flag < 1 else (x, info["lam"][n_eq:])
 
     def _free(self, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> None:
         self._sense[rows] = FREE
         self._upper[rows], self._lower[rows] = UNBOUNDED, -UNBOUNDED
 
 
-def solve_by_qpsolvers(
-    name: str, problem: Problem, hessian: Array, gradient: Array, tolerance: float = 1e-6
-) -> tuple[Array, Array] | None:
+def solve_by_qpsolvers(name: str, problem: Problem, tolerance: float = 1e-6) -> tuple[Array, Array] | None:
     """Solve with any solver of qpsolvers, which splits two-sided rows into one-sided ones.
 
     The tolerance is the largest absolute residual of ProxQP, whose own of 1e-3 is coarse; others have theirs.
@@ -135,7 +131,7 @@ def solve_by_qpsolvers(
     """
     try:
         options = {"eps_abs": tolerance, "eps_rel": 0.0} if name == "proxqp" else {}
-        solution = qpsolvers.solve_problem(standard_form(problem, hessian, gradient), name, **options)
+        solution = qpsolvers.solve_problem(standard_form(problem), name, **options)
     except (qpsolvers.QPError, ValueError, ArithmeticError) as error:
         logger.warning("%s failed: %s", name, error)
         return None
@@ -149,14 +145,12 @@ def solve_by_qpsolvers(
     return solution.x, multipliers
 
 
-def standard_form(
-    p: Problem, hessian: Array | None = None, gradient: Array | None = None
-) -> qpsolvers.Problem:
-    """Return a problem in the form of qpsolvers, for cross-checks; Hessian and gradient if computed already."""
+def standard_form(p: Problem) -> qpsolvers.Problem:
+    """Return a problem in the form of qpsolvers."""
     above, below = p.upper < 1e20, p.lower > -1e20
     return qpsolvers.Problem(
-        p.hessian if hessian is None else hessian,
-        p.gradient if gradient is None else gradient,
+        p.hessian,
+        p.gradient,
         np.vstack([p.inequality[above], -p.inequality[below]]),
         np.concatenate([p.upper[above], -p.lower[below]]),
         np.array(p.equality),
@@ -278,34 +272,20 @@ class QpSolver:
         if hopeless is not None:
             self.counts["failed"] += 1
             return hopeless
-        hessian, gradient, by = p.hessian, p.gradient, self.settings.solver
-        self._steady = True
-        if by in ("auto", "daqp"):
-            solved = self._solve_by_daqp(hessian, gradient)
+        hessian, gradient, before = p.hessian, p.gradient, self.multipliers
+        self._steady, by_daqp = True, self.settings.solver in ("auto", "daqp")
+        if by_daqp:
+            found = self._daqp.solve(hessian, gradient, before)
+            self.iterations = self._daqp.iterations
         else:
-            solved = self._solve_by_other(hessian, gradient)
-        return _SOLVED if solved else self._rescue(hessian, gradient)
-
-    def _solve_by_daqp(self, hessian: Array, gradient: Array) -> bool:
-        """Solve with DAQP from the active set of the last tick; return True if its solution is accepted."""
-        before = self.multipliers
-        solution = self._daqp.solve(hessian, gradient, before)
-        self.iterations = self._daqp.iterations
-        if solution is None or not self._accept(solution[0], solution[2]):
-            return False
-        self._steady = bool(((solution[2] != 0.0) == (before != 0.0)).all())
-        self._fast.guess(self.multipliers)
-        self.counts["DAQP"] += 1
-        return True
-
-    def _solve_by_other(self, hessian: Array, gradient: Array) -> bool:
-        """Solve with a solver of qpsolvers; return True if its solution is accepted."""
-        by, tolerance = self.settings.solver, self.settings.tolerance
-        solution = solve_by_qpsolvers(by, self.problem, hessian, gradient, tolerance)
-        if solution is None or not self._accept(*solution):
-            return False
-        self.counts["other"] += 1
-        return True
+            found = solve_by_qpsolvers(self.settings.solver, p, self.settings.tolerance)
+        if found is None or not self._accept(*found):
+            return self._rescue(hessian, gradient)
+        if by_daqp:
+            self._steady = bool(((self.multipliers != 0.0) == (before != 0.0)).all())
+            self._fast.guess(self.multipliers)
+        self.counts["DAQP" if by_daqp else "other"] += 1
+        return _SOLVED
 
     def _rescue(self, hessian: Array, gradient: Array) -> Status:
         """Solve without a guess, or with small costs raised, or with tasks relaxed.
@@ -363,8 +343,8 @@ class QpSolver:
 
     def _by_daqp_alone(self, hessian: Array, gradient: Array, relaxed: Relaxed | None = None) -> bool:
         """Solve with DAQP without a guess; return True if its solution is accepted."""
-        solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxed)
-        return solution is not None and self._accept(solution[0], solution[2], relaxed)
+        found = self._daqp.solve(hessian, gradient, self._no_guess, relaxed)
+        return found is not None and self._accept(*found, relaxed)
 
     def _accept(self, x: Array, z: Array, relaxed: Relaxed | None = None) -> bool:
         """Accept a solution if it is feasible and complementary: no multiplier belongs to a bound that is far away.
@@ -374,40 +354,25 @@ class QpSolver:
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
-        values = self.problem.rows.dot(x)
-        room = self._room(values, relaxed)
-        if room is None:
+        p, tolerance, values = self.problem, self.settings.residual_tolerance, self.problem.rows.dot(x)
+        error, bounded = values[: p.n_eq] - p.equality_target, values[p.n_eq + p.n_soft :]
+        above, below = p.upper - bounded, bounded - p.lower
+        if relaxed is not None:
+            error[relaxed.equalities] = 0.0
+            above[relaxed.inequalities] = below[relaxed.inequalities] = np.inf
+        if not (math.isfinite(values.dot(values)) and np.abs(error).max(initial=0.0) <= tolerance):
+            return False
+        if above.size and not (above[above.argmin()] >= -tolerance and below[below.argmin()] >= -tolerance):
             return False
         active = z.nonzero()[0]
         if active.size and relaxed is None:  # an exact solver's multipliers of rows that yield are great
-            (above, below), force = room, z[active]
+            force = z[active]
             distance = np.minimum(np.where(force > 0.0, above[active], below[active]), 1e3)
             if not largest(np.abs(force) * distance) <= COMPLEMENTARITY:
                 return False
         fast = self._fast
         fast.x, fast.values, fast.multipliers = x, values, z
         return True
-
-    def _room(self, values: Array, relaxed: Relaxed | None = None) -> tuple[Array, Array] | None:
-        """Distances of the inequalities to both bounds, of all rows times a solution; None if it violates a row.
-
-        Rows that are relaxed need not be satisfied.
-        """
-        p, tolerance = self.problem, self.settings.residual_tolerance
-        error, bounded = values[: p.n_eq] - p.equality_target, values[p.n_eq + p.n_soft :]
-        above, below = p.upper - bounded, bounded - p.lower
-        if relaxed is not None:
-            error[relaxed.equalities] = 0.0
-            above[relaxed.inequalities] = below[relaxed.inequalities] = np.inf
-        feasible = (
-            math.isfinite(values.dot(values))
-            and np.abs(error).max(initial=0.0) <= tolerance
-            and (
-                not above.size
-                or (above[above.argmin()] >= -tolerance and below[below.argmin()] >= -tolerance)
-            )
-        )
-        return (above, below) if feasible else None
 
 
 def without_solution(problem: Problem) -> Status | None:
