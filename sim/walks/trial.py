@@ -304,7 +304,4 @@ def _scheduler(
             raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
         return None
     chosen = make_policy(name, parameters, spec.ground()) if policy is None else policy
-    # The result has an entry for each swing, and there may be some more than were planned.
-    history = max(settings.stiffness.history, 2 * len(prepared.plan))
-    timing = replace(settings.stiffness, history=history)
-    return StiffnessScheduler(robot, foot, chosen, timing)
+    return StiffnessScheduler(robot, foot, chosen, settings.stiffness)

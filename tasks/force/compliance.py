@@ -49,14 +49,11 @@ class ComplianceOptions(MotionOptions, total=False):
         velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
         target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
             zero by default.
-        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
-            None, the default.
     """
 
     time_constant: Annotated[NonNegative, "s"]
     velocity_bound: ArrayLike
     target_wrench: ArrayLike | None
-    offset_bound: ArrayLike | None
 
 
 class ComplianceTask(FrameTask):
@@ -68,9 +65,8 @@ class ComplianceTask(FrameTask):
     """
 
     __slots__ = (
-        "_acceleration", "_measured_wrench", "_motion", "_offset_bound", "_offset_position", "_offset_rotation",
-        "_period", "_sole", "_still", "_target_rates", "_target_wrench", "_time_constant", "_velocity",
-        "_velocity_bound", "_wrench_error",
+        "_acceleration", "_measured_wrench", "_motion", "_offset_position", "_offset_rotation", "_period", "_sole",
+        "_still", "_target_rates", "_target_wrench", "_time_constant", "_velocity", "_velocity_bound", "_wrench_error",
     )  # fmt: skip
     unit = "m|rad"
     usual = {"weight": 10.0, "stiffness": 100.0}
@@ -86,11 +82,11 @@ class ComplianceTask(FrameTask):
         """
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
-        target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
+        target_wrench = options.pop("target_wrench", None)
         self._period = 0.0  # of the ticks so far, s
         super().__init__(frame, self.law, POSE_AXES, target, options)
         self._time_constant = time_constant
-        self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
+        self.velocity_bound = velocity_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
         if target_wrench is not None:
             self.target_wrench = target_wrench
@@ -132,15 +128,6 @@ class ComplianceTask(FrameTask):
         bound, followed = six(self.name, "velocity bound (m/s, rad/s)", value), np.zeros(6)
         followed[self._choice.keep] = 1.0  # what the task does not follow must not drift away either
         self._velocity_bound = bound * followed
-
-    @property
-    def offset_bound(self) -> Array | None:
-        """Bound of the offset along the axes of the reference, shape (6,), m, rad, or None; assign this or a pair."""
-        return None if self._offset_bound is None else read_only(self._offset_bound)
-
-    @offset_bound.setter
-    def offset_bound(self, value: ArrayLike | None) -> None:
-        self._offset_bound = None if value is None else six(self.name, "offset bound (m, rad)", value)
 
     @property
     def wrench_error(self) -> Array:
@@ -249,13 +236,8 @@ class ComplianceTask(FrameTask):
             error[:] = rate
             rate[:] = 0.0
         velocity, acceleration = self.comply(error, rate, dt)
-        high = self._velocity_bound
-        low = -high
-        if self._offset_bound is not None:
-            offset = self.offset_vector()
-            high = np.minimum(high, np.maximum(self._offset_bound - offset, 0.0) / dt)
-            low = np.maximum(low, np.minimum(-self._offset_bound - offset, 0.0) / dt)
-        clamped = np.minimum(np.maximum(velocity, low), high)
+        bound = self._velocity_bound
+        clamped = np.minimum(np.maximum(velocity, -bound), bound)
         acceleration[clamped != velocity] = 0.0
         self._velocity, self._acceleration = clamped, acceleration
         step = np.dot(self._offset_rotation, clamped[:3])
@@ -424,7 +406,7 @@ class AdmittanceTask(ComplianceTask):
 
     In contact with surroundings of stiffness K, N/m or Nm/rad, the wrench error decays with the rate admittance · K,
     1/s. There is no overshoot if this rate is at most 1 / (4 · time constant). Without contact the frame moves on at
-    the bounded velocity, and so searches for contact. `offset_bound` can bound the offset.
+    the bounded velocity, and so searches for contact.
 
     Source: the rate form is that of mc_rtc's AdmittanceTask (jrl-umi3218/mc_rtc), with the low-pass as a time
     constant, and acceleration and velocity of the reference fed forward exactly.

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import Count, NonNegative, Positive, Share, settings
+from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
 from wbc.feet.sensing.roughness import LEAST_SAMPLES
@@ -23,46 +22,42 @@ from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
 
+TOLERANCE = 0.05
+"""Largest difference of actual and commanded stiffness that counts as reached, as a share: chosen here."""
+
+HISTORY = 20_000
+"""Number of steps that are recorded: those of the longest plan."""
+
 
 @settings
 class StiffnessTiming:
     """Instants and conditions of stiffness scheduling: scan, decision and fall-back.
 
     Attributes:
-        scan_from: Share of the single support at which scanning starts.
         decide_at: Share of the single support at which the stiffness is decided; the rest is for the actuator.
         deadline: Shortest time before the landing at which a stiffness may still be changed, s.
         early_landing: Longest time by which a foot may land early, s: only a stiffness reached even then is commanded.
         min_length: Shortest profile that a policy is asked about, m.
         min_coverage: Smallest share of a profile's samples that must have been seen.
         fallback: Stiffness to command when there is no decision, Nm/rad; None keeps the last one.
-        tolerance: Largest difference of actual and commanded stiffness that counts as reached, as a share.
         scan: Settings of the profile.
-        history: Number of steps that are recorded.
 
     Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands early, on
     40 mm stones by up to 0.25 s, and the actuator needs 0.2 s for its whole range: hence 55 %, and 0.25 s for an early
     landing. On grounds of 40 and 55 mm 99 % of the soles then reach the commanded stiffness, and one in three is
     commanded less than the policy asked for; with 65 % and 0.15 s these are 94 % and one in six. 0.15 m is half of
-    what the toe passes over in a step of 0.145 m; deadline and tolerance are chosen here.
+    what the toe passes over in a step of 0.145 m; the deadline is chosen here.
     """
 
-    scan_from: Share = 0.0
     decide_at: Share = 0.55
     deadline: Annotated[NonNegative, "s"] = 0.05
     early_landing: Annotated[NonNegative, "s"] = 0.25
     min_length: Annotated[Positive, "m"] = 0.15
     min_coverage: Share = 0.5
     fallback: Annotated[NonNegative, "Nm/rad"] | None = None
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
     scan: ScanSettings = field(default_factory=ScanSettings)
-    history: Count = 1000
 
     def __post_init__(self) -> None:
-        if self.decide_at <= self.scan_from:
-            raise InputError(
-                f"decide_at must be above scan_from = {self.scan_from:g}, got {self.decide_at:g}"
-            )
         shortest = (LEAST_SAMPLES - 1) * self.scan.step
         if self.min_length < shortest:
             raise InputError(
@@ -179,7 +174,7 @@ class StiffnessScheduler:
         self._sensor = toe_sensor(foot)
         self._scan = GroundScan(self.timing.scan)
         self._initial = float(foot.stiffness)
-        self.steps: deque[StepStiffness] = deque(maxlen=self.timing.history)
+        self.steps: deque[StepStiffness] = deque(maxlen=HISTORY)
         self.reset()
 
     def check_robot(self, robot: Robot) -> None:
@@ -247,7 +242,7 @@ class StiffnessScheduler:
                     f"progress and time left of a swing must be finite, got {progress}, {time_left} s"
                 )
             self._progress = progress
-            if self._record is None and progress >= self.timing.scan_from:
+            if self._record is None:
                 self._look(side, robot, float(measurement.sole_range[side]))
                 if progress >= self.timing.decide_at:
                     self._decide(side, time_left, robot, measurement, landing, compliance)
@@ -333,7 +328,7 @@ class StiffnessScheduler:
         target = self.actuator.within(stiffness)
         if target != self._command[side]:
             sure = max(time_left - self.timing.early_landing, 0.0)
-            self._command[side] = reachable(self.actuator, actual, target, sure, 0.5 * self.timing.tolerance)
+            self._command[side] = reachable(self.actuator, actual, target, sure)
 
     def _profile(self) -> tuple[Profile | None, str | None]:
         """Return the profile of this swing, and what is wrong with it."""
@@ -376,20 +371,18 @@ class StiffnessScheduler:
         else:
             record = replace(record, decided_before=measurement.time - self._decided_at)
         actual = float(measurement.sole_stiffness[self._side])
-        reached = as_good_as(actual, record.commanded, self.timing.tolerance)
+        reached = as_good_as(actual, record.commanded, TOLERANCE)
         self.steps.append(replace(record, actual=actual, reached=reached))
         self._count += 1
 
 
-def reachable(
-    actuator: StiffnessActuator, actual: float, target: float, duration: float, tolerance: float = 0.025
-) -> float:
+def reachable(actuator: StiffnessActuator, actual: float, target: float, duration: float) -> float:
     """Return the stiffness nearest to a target, Nm/rad, that an actuator at rest settles to in time.
 
-    It lies between the present stiffness, `actual`, and the target; `duration` is the time left, s; `tolerance` the
-    largest difference that counts as settled, as a share. Raises `InputError` outside the range of the actuator.
+    It lies between the present stiffness, `actual`, and the target; `duration` is the time left, s. Within half of
+    `TOLERANCE` it has settled. Raises `InputError` outside the range of the actuator.
     """
-    state = StiffnessState(actual, actual, actual)
+    state, tolerance = StiffnessState(actual, actual, actual), 0.5 * TOLERANCE
 
     def settles(command: float) -> bool:
         return as_good_as(actuator.advance(state, command, duration).actual, command, tolerance)

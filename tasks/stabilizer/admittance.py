@@ -56,35 +56,6 @@ class FootCorrection(NamedTuple):
         return pose_of(rotation, np.array((x, y, z + self.height))), velocity
 
 
-def cop_rates(gains: StabilizerGains, measured: Vector, target: Vector) -> tuple[float, float]:
-    """Return roll and pitch rate of a foot from its torque errors: about the sole's x and y axes, rad/s, clamped.
-
-    Measured and desired [force; moment] are in the sole frame, six numbers, N and Nm.
-    """
-    assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
-    along, across = pair(gains.cop_admittance)
-    bound = gains.max_angular_velocity
-    roll, pitch = across * (measured[3] - target[3]), along * (measured[4] - target[4])
-    return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
-
-
-def height_rates(
-    gains: StabilizerGains,
-    measured: tuple[float, float],
-    target: tuple[float, float],
-    heights: tuple[float, float],
-) -> tuple[float, float]:
-    """Return the vertical speeds of both feet, m/s, clamped, from their normal forces: foot force difference control.
-
-    Measured and desired normal forces are in N, left and right; `heights` are the height offsets of the feet, m.
-    """
-    force = (target[0] - target[1]) - (measured[0] - measured[1])
-    difference = gains.force_difference * force
-    mean = -HEIGHT_LEAK * (heights[0] + heights[1])
-    left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
-    return min(max(left, -MAX_SPEED), MAX_SPEED), min(max(right, -MAX_SPEED), MAX_SPEED)
-
-
 class FootAdmittance:
     """Rotations and heights of both feet, integrated.
 
@@ -118,11 +89,14 @@ class FootAdmittance:
 
         Measured and desired [force; moment] of both feet are in their sole frames, six numbers each, N and Nm.
         """
-        g = self.gains
-        heights = (self._state[0][2], self._state[1][2])
+        g, heights = self.gains, (self._state[0][2], self._state[1][2])
+        assert g.cop_admittance is not None, "gains.for_mass(mass) fills it in"
+        (along, across), bound = pair(g.cop_admittance), g.max_angular_velocity
         if all(contact):
-            (left, right), wanted = measured, (target[0][2], target[1][2])
-            climb = height_rates(g, (left[2], right[2]), wanted, heights)
+            force = (target[0][2] - target[1][2]) - (measured[0][2] - measured[1][2])
+            difference, mean = g.force_difference * force, -HEIGHT_LEAK * (heights[0] + heights[1])
+            left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
+            climb = min(max(left, -MAX_SPEED), MAX_SPEED), min(max(right, -MAX_SPEED), MAX_SPEED)
         else:
             # An exact decay, however long the period.
             decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt
@@ -131,11 +105,11 @@ class FootAdmittance:
             if not contact[foot]:
                 self._rate[foot] = [0.0, 0.0, 0.0]
                 continue
-            roll, pitch, height = self._state[foot]
-            roll_rate, pitch_rate = cop_rates(g, measured[foot], target[foot])
+            (roll, pitch, height), felt, wanted = self._state[foot], measured[foot], target[foot]
+            roll_rate, pitch_rate = across * (felt[3] - wanted[3]), along * (felt[4] - wanted[4])
             self._state[foot] = x, y, z = [
-                min(max(roll + dt * roll_rate, -MAX_ROTATION), MAX_ROTATION),
-                min(max(pitch + dt * pitch_rate, -MAX_ROTATION), MAX_ROTATION),
+                min(max(roll + dt * min(max(roll_rate, -bound), bound), -MAX_ROTATION), MAX_ROTATION),
+                min(max(pitch + dt * min(max(pitch_rate, -bound), bound), -MAX_ROTATION), MAX_ROTATION),
                 min(max(height + dt * climb[foot], -MAX_HEIGHT), MAX_HEIGHT),
             ]
             self._rate[foot] = [(x - roll) / dt, (y - pitch) / dt, (z - height) / dt]

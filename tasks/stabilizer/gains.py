@@ -1,33 +1,18 @@
-"""Gains of the stabilizer in physical units; gains above their limits are clamped, with a warning."""
+"""Gains of the stabilizer in physical units."""
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 from typing import Annotated
 
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.robot import force_scale
 
-logger = logging.getLogger(__name__)
-
 Pair = tuple[float, float]
 """Forward and sideways, in the yaw frame of the robot."""
 
 Gain = NonNegative | tuple[NonNegative, NonNegative]
 """One number for both directions, or a pair; settings hold the pair."""
-
-LIMITS = {
-    "dcm_p": 20.0,
-    "dcm_i": 100.0,
-    "dcm_d": 5.0,
-    "com_v": 10.0,
-    "zmp_d": 10.0,
-    "cop_admittance": 0.1,
-    "force_difference": 2e-3,
-}
-"""Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2), and
-force_difference to 2e-3 instead of 5e-4 m/(N·s)."""
 
 
 def pair(value: Pair | float) -> Pair:
@@ -86,15 +71,9 @@ class StabilizerGains:
     min_force: Annotated[NonNegative, "N"] = 15.0
 
     def __post_init__(self) -> None:
-        for name, limit in LIMITS.items():
-            value = getattr(self, name)
-            if value is None:
-                continue
-            greatest = max(pair(value))
-            if greatest > limit:
-                logger.warning("gain %s of %g clamped to %g", name, greatest, limit)
-            x, y = (min(part, limit) for part in pair(value))
-            object.__setattr__(self, name, (x, y) if name in PAIRS else x)
+        for name in PAIRS:
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, pair(value))
 
     @staticmethod
     def mc_rtc() -> StabilizerGains:

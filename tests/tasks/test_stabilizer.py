@@ -13,12 +13,7 @@ from properties import examples
 
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
-from wbc.tasks.stabilizer.admittance import (
-    FootAdmittance,
-    FootCorrection,
-    cop_rates,
-    height_rates,
-)
+from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import DistributionSettings, WrenchDistribution
 from wbc.tasks.stabilizer.feedback import (
     DcmFeedback,
@@ -171,20 +166,20 @@ def test_oracle_5_100_m_away_and_turned_it_is_the_same(yaw: float) -> None:
 
 
 def test_oracle_6_an_over_pressed_foot_moves_up() -> None:
-    rates = height_rates(replace(MC_RTC, force_difference=1e-4), (350.0, 250.0), (300.0, 300.0), (0.0, 0.0))
+    both = FootAdmittance(replace(MC_RTC, force_difference=1e-4))
+    both.update(feet(350.0, 250.0), feet(300.0, 300.0), (True, True), DT)
+    rates = [both.correction(foot).height_rate for foot in (0, 1)]
     np.testing.assert_allclose(rates, (0.005, -0.005), atol=1e-12)
 
 
 def test_oracle_7_a_cop_error_turns_the_ankle() -> None:
     gains = replace(MC_RTC, cop_admittance=0.01)
-    target, felt = feet(300.0, 0.0)[0], feet(300.0, 0.0)[0]
-    felt[4] = -0.02 * 300.0  # CoP 2 cm ahead of where it should be
-    roll, pitch = cop_rates(gains, felt, target)
-    assert roll == 0.0 and pitch == pytest.approx(-0.06)  # toes up, away from the ground
-    felt[4], felt[3] = 0.0, 0.02 * 300.0
-    assert cop_rates(gains, felt, target) == (pytest.approx(0.06), 0.0)
-    felt[3] = 100.0
-    assert cop_rates(gains, felt, target)[0] == pytest.approx(0.3)
+    # A CoP 2 cm ahead of where it should be: toes up, away from the ground. The rate is bounded.
+    for x, y, roll, pitch in ((0.0, -6.0, 0.0, -0.06), (6.0, 0.0, 0.06, 0.0), (100.0, 0.0, 0.3, 0.0)):
+        ankle, felt = FootAdmittance(gains), feet(300.0, 0.0)
+        felt[0, 3:5] = x, y
+        ankle.update(felt, feet(300.0, 0.0), (True, False), DT)
+        assert ankle.correction(0)[3:5] == pytest.approx((roll, pitch))
 
 
 def test_oracle_8_the_air_disables_and_landing_starts_afresh() -> None:
@@ -399,7 +394,7 @@ def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wre
         filtered = wrenches if filtered is None else filtered + share * (wrenches - filtered)
         assert np.abs(out.feet.wrenches[:, 3:5]).max() > 1.0
         for felt, wanted, correction in zip(filtered, out.feet.wrenches, out.corrections, strict=True):
-            expected = cop_rates(s.gains, felt, wanted)
+            expected = 0.01 * (felt - wanted)[3:5]
             np.testing.assert_allclose((correction.roll_rate, correction.pitch_rate), expected, atol=1e-9)
 
 

@@ -159,7 +159,7 @@ def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_
 ) -> None:
     """Mass · a + damper · v + spring · x = error; without a mass its derivative, damper · a + spring · v = rate."""
     rng, dt = np.random.default_rng(3), 0.005
-    task = ImpedanceTask("palm", mass=mass, spring=(300.0, 20.0), damper=(50.0, 3.0), offset_bound=None)
+    task = ImpedanceTask("palm", mass=mass, spring=(300.0, 20.0), damper=(50.0, 3.0))
     robot = robot_with_palm()
     task.bind(robot)
     for wrench in rng.normal(scale=[5, 5, 5, 0, 0, 0.1], size=(20, 6)):  # turned about one axis alone
@@ -234,23 +234,17 @@ def test_without_wrench_error_it_is_a_pose_task(law: str) -> None:
     np.testing.assert_allclose(answers[0], answers[1], atol=1e-4)
 
 
-def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None:
-    robot = robot_with_palm()
-    task = AdmittanceTask(
-        "palm",
-        admittance=(1e-3, 1e-1),
-        velocity_bound=(0.05, 0.2),
-        offset_bound=(0.01, 0.02),
-        time_constant=0.01,
-    )
+def test_velocity_is_kept_within_its_bound_and_a_reset_takes_the_offset_back() -> None:
+    robot, bound = robot_with_palm(), np.repeat([0.05, 0.2], 3)
+    task = AdmittanceTask("palm", admittance=(1e-3, 1e-1), velocity_bound=(0.05, 0.2), time_constant=0.01)
     task.bind(robot)
-    for wrench in (np.full(6, 500.0), np.full(6, -500.0)):
-        task.measured_wrench = wrench
-        for _ in range(800):
+    for sign in (1.0, -1.0):
+        task.measured_wrench = np.full(6, sign * 500.0)
+        for _ in range(50):
             task.observe(measurement(robot, task.measured_wrench), 0.001)
-            assert np.all(np.abs(task.compliance_velocity) <= np.repeat([0.05, 0.2], 3) + 1e-12)
-            assert np.all(np.abs(task.offset_vector()) <= np.repeat([0.01, 0.02], 3) * 1.01)
-        np.testing.assert_allclose(np.abs(task.offset_vector()), np.repeat([0.01, 0.02], 3), rtol=0.02)
+            assert np.all(np.abs(task.compliance_velocity) <= bound + 1e-12)
+        np.testing.assert_allclose(task.compliance_velocity, sign * bound)
+    assert task.offset_vector().any()
     task.reset()
     np.testing.assert_array_equal(task.offset_vector(), 0.0)
 
@@ -276,27 +270,6 @@ def test_a_law_gets_the_filtered_wrench_error_and_its_derivative() -> None:
                 task.seen[1], step * left / time_constant if time_constant else 0.0 * step, atol=1e-9
             )
         np.testing.assert_array_equal(task.wrench_error, task.seen[0])
-
-
-def test_a_bound_of_the_offset_stops_the_frame_at_the_bound_whatever_its_speed() -> None:
-    robot = robot_with_palm()
-    for sign in (1.0, -1.0):
-        task = AdmittanceTask(
-            "palm",
-            admittance=(1e-3, 1e-3),
-            velocity_bound=(1.0, 1.0),
-            offset_bound=(0.03, 0.0),
-            time_constant=0.0,
-        )
-        task.bind(robot)
-        task.measured_wrench = sign * np.array([500.0, 0.0, 0.0, 0.0, 0.0, 500.0])
-        for tick in range(1, 11):
-            task.observe(measurement(robot, task.measured_wrench), 0.01)  # 5 mm a period
-            expected = sign * min(0.005 * tick, 0.03)
-            np.testing.assert_allclose(task.offset_vector(), [expected, 0, 0, 0, 0, 0], atol=1e-12)
-        task.measured_wrench = -task.measured_wrench
-        task.observe(measurement(robot, task.measured_wrench), 0.01)
-        np.testing.assert_allclose(task.offset_vector()[0], sign * 0.025, atol=1e-12)
 
 
 def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
