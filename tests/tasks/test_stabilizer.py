@@ -113,7 +113,7 @@ def random_run(world: pin.SE3, mirror: bool = False) -> list:
     flip = np.diag([1.0, -1.0, 1.0]) if mirror else np.eye(3)
     yaw = np.arctan2(world.rotation[1, 0], world.rotation[0, 0])
     out = []
-    for k in range(round(1.0 / DT)):
+    for k in range(round(0.8 / DT)):
         t = (k + 1) * DT
         y = 0.08 * np.sin(3 * t)
         com = np.array([0.01 * np.sin(5 * t), y, HEIGHT])
@@ -127,7 +127,7 @@ def random_run(world: pin.SE3, mirror: bool = False) -> list:
             [-5 * np.sin(t), 8 * np.cos(2 * t), 300 - 200 * np.sin(3 * t), 4 * np.cos(9 * t), 6 * np.sin(8 * t), -1.0],
         ])  # fmt: skip
         soles = list(SOLES)
-        contact = (True, True) if t < 0.7 else (True, False)
+        contact = (True, True) if t < 0.6 else (True, False)
 
         def place(x: np.ndarray) -> np.ndarray:
             return world.act(flip @ x)
@@ -250,7 +250,7 @@ def settled(kp: float, ki: float, bias: float) -> float:
     """Return the final place of a pendulum's real CoM in closed loop, forward, m, when a bias is on its measurement."""
     feedback = DcmFeedback(StabilizerGains(dcm_p=kp, dcm_i=ki, max_average_dcm_error=1.0))
     omega, com, velocity, point = REST.omega, np.array([0.02, 0.0, HEIGHT]), np.zeros(3), np.zeros(3)
-    for _ in range(round(60.0 / DT)):
+    for _ in range(round(40.0 / DT)):
         measured = com + [bias, 0.0, 0.0]
         errors = feedback.errors(REST, measured, velocity, point, DT)
         point = met(measured, feedback.acceleration(REST, errors, 0.0))

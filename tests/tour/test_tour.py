@@ -248,6 +248,7 @@ def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
     assert tour.read(file) == [{"run": 1}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", get_args(tour.Control))
 def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None:
     """It asks for all torques once it is to walk: the library takes over under a guard, a filter saves no legs.

@@ -161,14 +161,6 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: TimeConstants(brisk=0.0), "brisk"),
     (lambda: TouchConstants(most_force=-1.0), "most_force"),
     (lambda: TouchConstants(early=7.0), "early"),
-    (lambda: AreaConstants(even=(0.03, 0.01)), "numbers of even must grow"),
-    (lambda: AreaConstants(still=0.2), "still, turning"),
-    (lambda: TouchConstants(least_force=2.0), "least_force, most_force"),
-    (lambda: TouchConstants(carried=1.5), "carried, most_force"),
-    (lambda: TouchConstants(lost=0.2), "lost, met"),
-    (lambda: SwingConstants(apex=0.9), "apex, touch"),
-    (lambda: SwingConstants(landing_speed=0.3), "landing_speed, hardest"),
-    (lambda: PathConstants(near=0.1), "arrived, near"),
     # Newtons for weights, millimetres for heights of the CoM, milliseconds for 1/ω, degrees for rad.
     (
         lambda: SteppingWalk.of(

@@ -146,6 +146,7 @@ def check_pendulum(pattern: Pattern, until: float) -> None:
         np.testing.assert_allclose((c.com - a.com) / (2 * h), b.com_velocity, atol=1e-6)
         np.testing.assert_allclose((c.com_velocity - a.com_velocity) / (2 * h), b.com_acceleration, atol=2e-3)
         np.testing.assert_allclose(b.com_acceleration[:2], b.omega**2 * (b.com - b.zmp)[:2], atol=1e-9)
+        assert abs(pattern.dcm_at(t) - complex(*b.dcm[:2])) < 1e-12
     for i, t in enumerate(pattern.times):
         assert abs(complex(*pattern.at(t).dcm[:2]) - pattern.dcm[i]) < 1e-7
 
@@ -164,12 +165,6 @@ def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
             middle = pattern.at(time + 0.5 * support.duration)
             np.testing.assert_allclose(middle.zmp, support.feet[0].position, atol=1e-9)
         time += support.duration
-
-
-def test_the_dcm_alone_is_that_of_the_pendulum() -> None:
-    pattern = analytic_pattern(WALK, HEIGHT, REST)
-    for time in np.linspace(0.0, pattern.times[-1] + 0.5, 97):
-        assert abs(pattern.dcm_at(time) - complex(*pattern.at(time).dcm[:2])) < 1e-12
 
 
 def test_plans_move_and_mirror_with_the_world() -> None:
@@ -212,7 +207,7 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over(plan: FootstepPlan) -> N
     margin = 0.008
     preview = PreviewController(SIZES, HEIGHT, PreviewSettings(margin=margin))
     reached = 0
-    for k, t in enumerate(np.arange(0.2, 8.0, 0.31)):
+    for k, t in enumerate(np.arange(0.2, 8.0, 0.52)):
         most = 0.08 if k % 2 else 0.015  # every other push is more than the soles can make up for
         start = pushed(closed.at(t), rng.uniform(-most, most, 2))
         pattern = preview.plan(remaining(supports, t), start)
@@ -226,7 +221,7 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over(plan: FootstepPlan) -> N
             assert inside(support_area(support.feet, SIZES, margin), pattern.at(dt).zmp[:2]) < 1e-5
         end = pattern.times[-1]
         np.testing.assert_allclose(pattern.at(end + 3.0).com, closed.at(t + end + 3.0).com, atol=1e-3)
-    assert reached > 8
+    assert reached > 5
 
 
 def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:

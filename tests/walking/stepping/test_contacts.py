@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pendulum import com_after
 from point_mass import SCALE, PointMass, Tick
+from properties import by_default
 
 from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, GaitPhase
@@ -16,7 +17,6 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.plans.sources import PlanSource
-from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants
 
 DT = 0.004
@@ -77,7 +77,9 @@ def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alo
     assert phases == set(GaitPhase)
 
 
-@pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, -0.2, 0.0), (-0.2, 0.0, 0.5)])
+@pytest.mark.parametrize(
+    "velocity", by_default([(0.5, 0.0, 0.0), (0.0, -0.2, 0.0), (-0.2, 0.0, 0.5)], (-0.2, 0.0, 0.5))
+)
 def test_com_and_dcm_of_the_reference_go_on_through_landings_and_changes_of_feet(
     velocity: tuple[float, float, float],
 ) -> None:
@@ -85,7 +87,7 @@ def test_com_and_dcm_of_the_reference_go_on_through_landings_and_changes_of_feet
     body, walked = PointMass(), set[Event]()
     body.run(0.6)
     body.gait.steering.command(velocity)
-    body.run(4.0)
+    body.run(2.5)
     for before, tick in itertools.pairwise(body.ticks):
         last, now = before.reference, tick.reference
         if not last.progress.phase is now.progress.phase is GaitPhase.SINGLE:
@@ -105,7 +107,7 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     body.gait.steering.command((0.2, 0.0, 0.0))
     waits = [
         tick.reference
-        for tick in body.run(4.0)
+        for tick in body.run(2.5)
         if tick.reference.progress.phase is GaitPhase.SINGLE and tick.reference.progress.air is None
     ]
     assert waits, "feet come before the end of a step"
@@ -116,19 +118,13 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
         assert reference.most_force[reference.progress.stance] == settings.touch.most_force
 
 
-def first_wait() -> tuple[Tick, SteppingWalk]:
-    """Return the first tick in which a foot has landed and waits for the end of its step, and the gait."""
+def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
-    while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
+    while not waiting(body.run(DT)):
         pass
-    assert waits
-    return body.ticks[-1], body.gait
-
-
-def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
-    tick, gait = first_wait()
+    tick, gait = body.ticks[-1], body.gait
     s, stance = gait.constants, tick.reference.progress.stance
 
     def swings(load: float, held: float, seconds: float) -> bool:
@@ -138,22 +134,8 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
             reference = gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
         return bool(reference.progress.air == 1 - stance)
 
-    assert not swings(1.1 * s.touch.lost, 2.0 * s.touch.held, s.touch.lost_time + 4 * DT), (
-        "it carries a little"
-    )
-    assert not swings(0.9 * s.touch.lost, 0.9 * s.touch.held, 2 * DT), "nothing holds the robot"
+    assert not swings(1.1 * s.touch.lost, 2.0 * s.touch.held, s.touch.lost_time + 4 * DT)
     assert swings(0.9 * s.touch.lost, 1.1 * s.touch.held, 2 * DT)
-
-
-def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
-    """It has rolled over an edge, or was kicked away."""
-    tick, gait = first_wait()
-    s, stance = gait.constants, tick.reference.progress.stance
-    wrenches = [[0.0] * 6, [0.0] * 6]
-    wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.touch.held, 1.1 * s.touch.held
-    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == stance
-    wrenches[stance][2] = 0.9 * s.touch.held
-    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == 1 - stance
 
 
 class EdgeFirst(PointMass):
@@ -233,33 +215,6 @@ def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
         assert not steps or (Event.LIFT_OFF in reference.progress.events and reference.progress.air == kicked)
 
 
-def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_and_the_place_does_not() -> (
-    None
-):
-    body = PointMass()
-    body.run(0.6)
-    body.gait.steering.command((0.2, 0.0, 0.0))
-    while body.ticks[-1].reference.progress.air is None or body.ticks[-1].reference.progress.elapsed < 0.15:
-        body.run(DT)
-    tick, gait = body.ticks[-1], body.gait
-    landing = tick.reference.progress.landing
-    assert landing is not None
-    side = 1.0 if tick.reference.progress.air == 0 else -1.0
-    stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.felt.dcm
-    behind = list(tick.state.places)
-    behind[1 - tick.reference.progress.stance] = (
-        stance[0],
-        stance[1] + side * 0.6,
-        0.0,
-    )  # where it has stood wide
-    beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
-    wide = tick.state._replace(places=(behind[0], behind[1]))
-    near = Footstep(SIDES[1 - tick.reference.progress.stance], stance[0], stance[1] + side * 0.15)
-    assert not gait.step.rubs(landing), "an early foot on its own orbit has landed"
-    gait.felt.state, gait.felt.dcm = wide, beyond
-    assert gait.step.rubs(near)
-
-
 def in_swing(share: float) -> PointMass:
     """Return a point mass that walks ahead, at a share of a swing that is not the first of the walk."""
     body = PointMass()
@@ -299,21 +254,17 @@ def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
     assert (reference.urgency < 0.0) == (speed > 0.0)
 
 
-@pytest.mark.parametrize("share", [0.9, 1.1])
-def test_whether_a_foot_is_pushed_depends_on_its_speed(share: float) -> None:
-    body = in_swing(0.5)
-    gait = body.gait
-    tick, swing = body.ticks[-1], gait.felt.swing
-    speed = share * (gait.constants.touch.pushed_speed + 2.0 * math.hypot(*gait.steering.velocity))
-    speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
-    speeds[swing] = (0.0, 0.0, speed)
-    state = tick.state._replace(speeds=(speeds[0], speeds[1]))
-    assert (gait.advance(state, tick.frames).urgency < 0.0) is (share > 1.0)
+@pytest.mark.parametrize(
+    ("moved", "bears", "follows"),
+    [(-0.08, 1.0, True), (0.08, 1.0, True), (-0.005, 1.0, False), (0.2, 0.0, False)],
+)
+def test_the_expected_ground_goes_with_the_foot_that_stands(
+    moved: float, bears: float, *, follows: bool
+) -> None:
+    """After an impact the estimate moves by some centimetres, and the foot does not; a sole that yields moves less.
 
-
-@pytest.mark.parametrize(("moved", "follows"), [(-0.08, True), (0.08, True), (-0.005, False)])
-def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, follows: bool) -> None:
-    """After an impact the estimate moves by some centimetres, and the foot does not; a sole that yields moves less."""
+    A foot that bears nothing was kicked away, and flies over the ground.
+    """
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
@@ -323,7 +274,8 @@ def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, fol
     tick, (x, y, z) = body.ticks[-1], body.ticks[-1].state.com
     before = gait.step.swing.landing.z
     places = [(p, q, r + moved) for p, q, r in tick.state.places]
-    state = tick.state._replace(com=(x, y, z + moved), places=(places[0], places[1]))
+    wrenches = [[0.0, 0.0, bears * load[2], *load[3:]] for load in tick.state.wrenches]
+    state = tick.state._replace(com=(x, y, z + moved), places=(places[0], places[1]), wrenches=wrenches)
     for _ in range(gait.step._period):
         gait.advance(state, tick.frames)
     assert gait.step.swing.landing.z == pytest.approx(before + (moved if follows else 0.0), abs=1e-12)
@@ -368,29 +320,3 @@ def test_the_weight_shifts_to_where_the_first_footstep_begins(first: str) -> Non
         if tick.time > lift.time and Event.LIFT_OFF in tick.reference.progress.events
     )
     assert step.time - lift.time == pytest.approx(body.gait.steering.step_time, rel=0.06)
-
-
-@pytest.mark.parametrize("left", [True, False], ids=["left foot stands", "right foot stands"])
-@pytest.mark.parametrize(
-    ("share", "follows"), [(1.0, True), (0.0, False)], ids=["bears the weight", "was kicked away"]
-)
-def test_a_swing_foot_comes_down_to_the_ground_under_a_stance_foot_that_bears(
-    left: bool, share: float, follows: bool
-) -> None:
-    """The estimated height of a foot that bears says where the ground is; a foot that is kicked away flies over it."""
-    body = PointMass()
-    body.run(0.6)
-    body.gait.steering.command((0.2, 0.0, 0.0))
-    while (now := body.ticks[-1].reference.progress).air is None or (now.stance == 0) is not left:
-        body.run(DT)
-    tick, up = body.ticks[-1], 0.2
-    stance, lifted = now.stance, [foot.copy() for foot in tick.frames]
-    lifted[stance].translation[2] += up
-    places = [foot.translation.tolist() for foot in lifted]
-    wrenches = [[0.0] * 6, [0.0] * 6]
-    wrenches[stance][2] = share * SCALE.weight
-    state = tick.state._replace(places=places, wrenches=wrenches)
-    while (reference := body.gait.advance(state, (lifted[0], lifted[1]))).progress.elapsed < now.duration:
-        assert reference.progress.stance == stance
-    landing = body.gait.step.swing.landing.z
-    assert landing == pytest.approx(up if follows else 0.0, abs=1e-9)

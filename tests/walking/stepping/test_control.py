@@ -56,6 +56,7 @@ def walk_ahead(mode: Mode, robot: str = "g1", end: float = 2.0, period: float = 
     return float(travelled[0]) / expected
 
 
+@pytest.mark.slow
 def test_a_robot_stands_steps_forward_and_stops() -> None:
     assert 0.6 < walk_ahead("torque", period=0.004) < 1.5
 

@@ -60,18 +60,8 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     swing = (pivot[0], pivot[1], 0.0, 0.0)
     contact = (*pivot, 0.0)
     dcm = Divergent(pivot[0] + cos * ahead - sin * left, pivot[1] + sin * ahead + cos * left, OMEGA)
-    stance = StepState(
-        StanceAxes(side, (cos, sin), contact),
-        contact,
-        contact,
-        dcm,
-        orbit,
-        time,
-        2.0 * time,
-        share * time,
-        swing,
-        0.06,
-    )
+    axes = StanceAxes(side, (cos, sin), contact)
+    stance = StepState(axes, contact, contact, dcm, orbit, time, 2.0 * time, share * time, swing, 0.06)
     assert stance.axes.offset(*stance.axes.point(0.3, -0.2)) == pytest.approx((0.3, -0.2))
     assert stance.axes.offset(dcm.x, dcm.y) == pytest.approx((fall * end[0], fall * end[1]))
     wish = steps_of_velocity(velocity, width, stance)
@@ -132,22 +122,21 @@ def test_the_centre_of_pressure_moves_at_no_more_than_its_speed(
 
 
 def stance_at(
-    swing: tuple[float, float, float, float], dcm: tuple[float, float] = (0.0, 0.0), elapsed: float = 0.1
+    swing: tuple[float, float, float, float],
+    dcm: tuple[float, float] = (0.0, 0.0),
+    elapsed: float = 0.1,
+    speed: float = 0.0,
+    longest: float = 0.5,
 ) -> StepState:
-    """State on a right foot that carries at the origin, in the heading of x."""
-    still = Orbit.of((0.0, 0.0), 1.0, SETTINGS.width, SETTINGS.step_time, SETTINGS.step_time, OMEGA)
-    return StepState(
-        StanceAxes(1.0, (1.0, 0.0), POINT),
-        POINT,
-        POINT,
-        Divergent(*dcm, OMEGA),
-        still,
-        SETTINGS.step_time,
-        0.5,
-        elapsed,
-        swing,
-        0.06,
-    )
+    """State on a right foot that carries at the origin, in the heading of x, of a walk at a speed, m/s."""
+    orbit = Orbit.of((speed, 0.0), 1.0, SETTINGS.width, SETTINGS.step_time, SETTINGS.step_time, OMEGA)
+    axes, xi = StanceAxes(1.0, (1.0, 0.0), POINT), Divergent(*dcm, OMEGA)
+    return StepState(axes, POINT, POINT, xi, orbit, SETTINGS.step_time, longest, elapsed, swing, 0.06)
+
+
+def walking_at(dcm: tuple[float, float], elapsed: float) -> StepState:
+    """The same in a walk ahead."""
+    return stance_at((0.2, 0.2, 0.0, 0.0), dcm, elapsed, 0.2, 2.0 * SETTINGS.step_time)
 
 
 def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_passes() -> None:
@@ -364,14 +353,14 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     """An offset within the area that counts is left to it; twice as far, all of it is made good by the landing."""
     made, time = decision(), SETTINGS.step_time
     made.area.evenness = 1.0
-    wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, _stance(made, (0.0, 0.0), time))
+    wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, walking_at((0.0, 0.0), time))
     caught = made.area.caught(CONSTANTS.area.caught)[axis]
     left = off * (caught[1] if sign > 0.0 else caught[0])
     end = [wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]]
     end[axis] += left
     remaining = 0.02  # too little to change the time, or the centre of pressure, which is a point
     shrunk = math.exp(-OMEGA * remaining)
-    stance = _stance(made, (shrunk * end[0], shrunk * end[1]), time - remaining)
+    stance = walking_at((shrunk * end[0], shrunk * end[1]), time - remaining)
     made._bounds = lambda *_, **__: Bounds(  # type: ignore[method-assign]
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
@@ -387,12 +376,12 @@ def test_footsteps_closer_together_than_steps_of_a_velocity_may_be_are_met_in_th
     share: float,
 ) -> None:
     made, time, width = decision(), SETTINGS.step_time, 0.8 * SETTINGS.gap
-    wish = steps_of_velocity((0.2, 0.0), width, _stance(made, (0.0, 0.0), time))
+    wish = steps_of_velocity((0.2, 0.0), width, walking_at((0.0, 0.0), time))
     inwards = width / (1.0 + math.exp(OMEGA * time))
     wish = wish._replace(offsets=tuple(-inwards if k % 2 else b for k, b in enumerate(wish.offsets)))
     fallen = math.exp(-OMEGA * time * (1.0 - share))
     end = wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]
-    stance = _stance(made, (fallen * end[0], fallen * end[1]), share * time)
+    stance = walking_at((fallen * end[0], fallen * end[1]), share * time)
     stance = stance._replace(swing=(-wish.places[0], width, 0.0, 0.0))
     made.decide(stance._replace(longest=1.2 * time), wish._replace(promised=True), None)
     assert made.end == pytest.approx(time, abs=1e-5)
@@ -405,7 +394,7 @@ def test_a_step_that_legs_need_longer_for_lands_where_the_pendulum_is_then() -> 
     """With the centre of pressure at its edge: the more so the later the step ends."""
     made, time = decision(), SETTINGS.step_time
     made.area.ahead, made.area.aside = [-0.05, 0.05], [-0.02, 0.02]
-    stance = _stance(made, (0.12, 0.04), 0.0)._replace(swing=(-0.4, 0.22, 0.0, 0.0))
+    stance = walking_at((0.12, 0.04), 0.0)._replace(swing=(-0.4, 0.22, 0.0, 0.0))
     wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, stance)
     made._time_for_legs = lambda *_: 0.45  # type: ignore[method-assign]
     made.decide(stance, wish, None)
@@ -420,7 +409,7 @@ def test_a_step_that_legs_need_longer_for_lands_where_the_pendulum_is_then() -> 
 def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: tuple[float, float]) -> None:
     """Slow steps, over which an error grows by more than 300 until the last offset of the program."""
     made, time = decision(), SETTINGS.slow_time
-    stance = _stance(made, (0.0, 0.0), 0.2 * time)._replace(nominal=time)
+    stance = walking_at((0.0, 0.0), 0.2 * time)._replace(nominal=time)
     wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, stance)
     grown = math.exp(-OMEGA * 0.8 * time)
     end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
@@ -429,20 +418,3 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     ahead, _ = stance.axes.offset(*made.place)
     assert ahead + CONSTANTS.area.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"
-
-
-def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> StepState:
-    time = SETTINGS.step_time
-    orbit = Orbit.of((0.2, 0.0), 1.0, SETTINGS.width, time, time, OMEGA)
-    return StepState(
-        StanceAxes(1.0, (1.0, 0.0), POINT),
-        POINT,
-        POINT,
-        Divergent(*dcm, OMEGA),
-        orbit,
-        time,
-        2.0 * time,
-        elapsed,
-        (0.2, 0.2, 0.0, 0.0),
-        0.06,
-    )

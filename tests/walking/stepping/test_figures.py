@@ -78,13 +78,6 @@ def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_it
         assert waits[swings] == CONSTANTS.touch.share
 
 
-def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> None:
-    gait, (full, none) = gait_on(LEVEL), CONSTANTS.area.even
-    for part, share in ((-1.0, 1.0), (0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
-        gait.ground.uneven = full + part * (none - full)
-        assert gait.ground.level(*CONSTANTS.area.even) == pytest.approx(share)
-
-
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
     gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
     gait.ground.height = 0.03

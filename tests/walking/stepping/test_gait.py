@@ -38,10 +38,10 @@ def pushed_aside() -> tuple[Tick, ...]:
     body.speed += [0.05, 0.6]
     body.run(0.1)
     body.gait.steering.command(VELOCITY)
-    body.run(2.5)
+    body.run(1.7)
     body.gait.steering.command(None)
-    body.run(1.5)
-    assert body.gait.steps_done >= 5
+    body.run(0.7)
+    assert body.gait.steps_done >= 4
     return tuple(body.ticks)
 
 
@@ -53,7 +53,7 @@ def replay(
     for tick, (state, frames) in enumerate(inputs):
         if tick == round(0.8 / DT):
             gait.steering.command(velocity)
-        elif tick == round(3.3 / DT):
+        elif tick == round(2.5 / DT):
             gait.steering.command(None)
         references.append(gait.advance(state, frames))
     return references
@@ -87,7 +87,7 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
         assert (step.landing.x, step.landing.y, step.landing.yaw) == pytest.approx(
             (of_real.landing.x, -of_real.landing.y, -of_real.landing.yaw), abs=1e-9
         )
-    assert steps > 500
+    assert steps > 400
 
 
 @pytest.mark.parametrize("world", by_default([(2.5, 3.0, -4.0), (-0.9, -5.0, 2.0)], (2.5, 3.0, -4.0)))
@@ -131,7 +131,8 @@ def test_a_step_takes_the_time_that_its_record_says() -> None:
         if Event.LIFT_OFF in tick.reference.progress.events:
             lift_offs.append((tick.time, body.ticks[-2].reference.progress.cycle))
 
-    body.run(6.0, hold)
+    body.run(3.5, hold)
+    assert len(lift_offs) > 3
     for (before, _), (now, cycle) in itertools.pairwise(lift_offs[1:]):
         assert now - before == pytest.approx(cycle, rel=0.05)
         assert cycle > 1.5 * body.gait.settings.step_time
@@ -145,8 +146,8 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
     for body, size in ((small, 1.0), (large, root)):
         body.run(0.7 * size)
         body.gait.steering.command((0.25 * size, 0.05 * size, 0.2 / size))
-        body.run(3.5 * size)
-    assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 3
+        body.run(2.2 * size)
+    assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 2
     for one, other in zip(small.ticks, large.ticks, strict=True):
         a, b, forces = one.reference.progress, other.reference.progress, one.reference.most_force
         assert (a.phase, a.stance, a.events) == (b.phase, b.stance, b.events)
@@ -167,7 +168,7 @@ def mean_speed(body: PointMass, seconds: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "velocity", by_default([(0.4, 0.0), (0.7, 0.0), (-0.2, 0.0), (0.0, 0.12)], (0.7, 0.0), (0.0, 0.12))
+    "velocity", by_default([(0.4, 0.0), (0.7, 0.0), (-0.2, 0.0), (0.0, 0.12)], (0.7, 0.0))
 )
 def test_a_steered_walk_has_the_velocity_that_is_asked_for(velocity: tuple[float, float]) -> None:
     body = PointMass()
@@ -241,7 +242,7 @@ def test_a_turn_turns_landings_and_heading_and_a_swing_foot_that_stays_level() -
     body = PointMass()
     body.run(0.5)
     body.gait.steering.command((0.1, 0.0, 0.5))
-    steps = [tick for tick in body.run(5.0) if tick.reference.progress.phase is GaitPhase.SINGLE]
+    steps = [tick for tick in body.run(3.0) if tick.reference.progress.phase is GaitPhase.SINGLE]
     turned = steps[-1].reference.progress.heading - steps[0].reference.progress.heading
     assert turned == pytest.approx(0.5 * (steps[-1].time - steps[0].time), rel=0.01)
     for tick in steps:
@@ -301,7 +302,7 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
 
 
-@pytest.mark.parametrize("speed", [0.55, 0.8])
+@pytest.mark.parametrize("speed", by_default([0.55, 0.8], 0.8))
 def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(speed: float) -> None:
     """A wide stand has no room to the side, however well the DCM lies between the feet."""
     body = PointMass()
@@ -319,8 +320,9 @@ def test_a_goal_is_reached_and_stood_at(goal: tuple[float, float, float]) -> Non
     body = PointMass()
     body.run(0.6)
     body.gait.steering.go_to(*goal)
-    body.run(14.0)
-    assert body.gait.finished
+    while not body.gait.finished:
+        body.run(0.5)
+    assert body.time < 14.0
     assert math.dist(body.com[:2], goal[:2]) < 0.15
     assert angle(body.gait.steering.heading, goal[2]) == pytest.approx(0.0, abs=0.2)
 
@@ -338,7 +340,7 @@ def test_a_goal_where_the_robot_stands_takes_no_step(goal: tuple[float, float, f
 VELOCITIES = [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.3, -0.2, 0.0), (0.3, 0.0, 0.4)]
 
 
-@pytest.mark.parametrize("velocity", by_default(VELOCITIES, VELOCITIES[0], VELOCITIES[2]))
+@pytest.mark.parametrize("velocity", by_default(VELOCITIES, VELOCITIES[2]))
 def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[float, float, float]) -> None:
     """Near its edge, from which it sets off no more; away from there it does."""
     extent = (-0.8, 0.8, -0.7, 0.7)
@@ -396,7 +398,7 @@ def test_a_missed_footstep_is_missed_by_where_the_foot_carries() -> None:
     assert 1e3 * np.array(said)[-1000:] == pytest.approx(15.0, abs=3.0)
 
 
-@pytest.mark.parametrize("push", [0.0, 0.4])
+@pytest.mark.parametrize("push", by_default([0.0, 0.4], 0.4))
 def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     """The distance of each landing from its footstep is said until the next one."""
     body, plan = planned(0.8)
@@ -421,7 +423,7 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
 PUSHES = ((0.3, 0.0), (0.5, 0.0), (-0.2, 0.0), (-0.3, 0.0), (0.0, 0.5))
 
 
-@pytest.mark.parametrize("push", by_default(PUSHES, (0.5, 0.0), (0.0, 0.5)))
+@pytest.mark.parametrize("push", by_default(PUSHES, (0.5, 0.0)))
 def test_a_robot_that_is_pushed_in_the_last_step_of_a_plan_stands_and_then_steps_back_to_its_end(
     push: tuple[float, float],
 ) -> None:
@@ -482,7 +484,7 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     assert swing.over == 0.04 and tops[-1] > swing.over + 0.02
 
 
-@pytest.mark.parametrize("kind", ["velocity", "stop", "plan"])  # `WalkingControl` takes a plan once
+@pytest.mark.parametrize("kind", by_default(["velocity", "stop", "plan"], "velocity"))  # a plan is taken once
 def test_an_order_that_is_given_in_every_tick_is_that_given_once_and_a_second_run_is_the_first(
     kind: str,
 ) -> None:

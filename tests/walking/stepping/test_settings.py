@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from task_factory import ROBOTS, make_robot
 
 from wbc.base.errors import InputError
@@ -43,6 +44,7 @@ def test_steps_that_cannot_be_walked_are_refused_by_name(changes: dict[str, floa
         GaitValues.of(SteppingSettings(**changes), SteppingConstants(), SCALE, 0.002)
 
 
+@examples(8)
 @given(piece=st.floats(0.05, 0.8), touch=st.floats(0.6, 1.0), of_plans=st.floats(0.6, 1.0))
 def test_steps_have_the_time_that_their_swings_need_with_any_constants(
     piece: float, touch: float, of_plans: float
@@ -121,11 +123,3 @@ def test_settings_in_units_of_the_robot_are_lengths_times_and_forces_of_it() -> 
     assert c.swing.swing_gains == pytest.approx(
         (raw.swing.swing_gains[0] * omega**2, raw.swing.swing_gains[1] * omega)
     )
-
-
-@pytest.mark.parametrize("values", [SteppingSettings(), SteppingConstants()])
-def test_values_in_si_units_are_not_taken_for_those_in_units_of_a_robot(
-    values: SteppingSettings | SteppingConstants,
-) -> None:
-    with pytest.raises(InputError, match="SI units"):
-        values.in_si(SCALE).in_si(SCALE)

@@ -217,14 +217,6 @@ def test_viability_is_the_lesser_ratio_of_offsets() -> None:
         aside = orbit.inwards / inwards
         along = (abs(orbit.ahead) + 0.5 * 0.09) / max(abs(ahead), 1e-9)
         assert viability(ahead, inwards, orbit, 0.09) == pytest.approx(min(aside, along))
-    growth, paced = math.exp(OMEGA * 0.4), math.exp(OMEGA * 0.5)
-    for side in (1.0, -1.0):
-        orbit = Orbit.of((0.3, 0.05), side, 0.2, 0.4, 0.5, OMEGA)
-        drift = side * 0.05 * 0.4 / (growth - 1.0)
-        assert orbit.inwards == pytest.approx(0.2 / (1.0 + growth) - drift)
-        assert orbit.closing == pytest.approx(0.2 / (1.0 + growth) + drift)
-        assert orbit.ahead == pytest.approx(0.3 * 0.5 / (paced - 1.0))
-        assert orbit.forward == pytest.approx(paced * orbit.ahead)
 
 
 # ---- what is felt ---------------------------------------------------------------------------------------------------

@@ -18,8 +18,8 @@ from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import SIDES
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
-from wbc.walking.lipm.course import PlannedCourse
 from wbc.walking.lipm.phases import PlanPhases
+from wbc.walking.lipm.preview import PlannedCourse
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.swing import FootMotion, SwingFoot
@@ -46,8 +46,7 @@ class FeetDrift:
 
     def begin(self) -> None:
         """Begin with another planner, in the world as it is now."""
-        self._motion = pin.SE3.Identity()
-        self._moves = False
+        self._motion: pin.SE3 | None = None
 
     def turn(self, angle: float) -> None:
         """Take in an angle by which soles have turned on the ground, rad."""
@@ -55,11 +54,11 @@ class FeetDrift:
 
     def planner_feet(self, feet: Sequence[Footstep]) -> Sequence[Footstep]:
         """Return feet in the world that the planner was taken in."""
-        return [foot.moved(self._motion.inverse()) for foot in feet] if self._moves else feet
+        return feet if self._motion is None else [foot.moved(self._motion.inverse()) for foot in feet]
 
     def present_plan(self, plan: FootstepPlan) -> FootstepPlan:
         """Return a planner's answer in the world as it is now."""
-        return plan.moved(self._motion) if self._moves else plan
+        return plan if self._motion is None else plan.moved(self._motion)
 
     def lift(
         self, stance: int, places: Sequence[pin.SE3], measured: Sequence[pin.SE3] | None
@@ -82,7 +81,7 @@ class FeetDrift:
         move = pin.SE3(rotation, here - rotation.dot(here) + back)
         if move.isIdentity(0.0):
             return None
-        self._motion, self._moves = move * self._motion, True
+        self._motion = move if self._motion is None else move * self._motion
         return move
 
 

@@ -29,9 +29,9 @@ from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.lipm.course import PlannedCourse
 from wbc.walking.lipm.feet import PlannedFeet
 from wbc.walking.lipm.phases import HOLD, PlanPhases
+from wbc.walking.lipm.preview import PlannedCourse
 from wbc.walking.lipm.settings import WalkSettings, law_of
 from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
 from wbc.walking.plans.check import Extent, check_plan
@@ -56,45 +56,6 @@ logger = logging.getLogger(__name__)
 
 DEBOUNCE = 0.01
 """Time that the load of a touch-down must last, s."""
-
-
-class Planning:
-    """Times at which the footsteps are planned anew: those that the description of this file names."""
-
-    def __init__(self) -> None:
-        """Begin without a plan."""
-        self._next = 0.0  # time of the next plan, s
-        self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
-        self._swung = False  # since the last plan: one is due on both feet
-
-    def ask_at_once(self) -> None:
-        """Let the next tick be a time to plan, by a planner that has not been asked."""
-        self._next, self._swung, self._asked = 0.0, True, (None, None)
-
-    def note(self, planner: FootstepSource) -> None:
-        """Note planner and order of the last plan."""
-        self._asked = planner, planner.order
-
-    def is_noted(self, planner: FootstepSource) -> bool:
-        """Return True if the last plan is that of a planner by its present order.
-
-        A planner of the user's own whose order fails, or is not to be compared, is asked anew, and refused where it is.
-        """
-        try:
-            return self._asked == (planner, planner.order)
-        except Exception:
-            return False
-
-    def start_if_due(self, planner: FootstepSource, phases: PlanPhases, time: float) -> bool:
-        """Return True if it is time to plan, s, which then counts as done; on both feet it is once a foot has swung."""
-        if phases.phase is not GaitPhase.SINGLE:
-            due = self._swung or (time >= self._next and not isinstance(planner, PlanSource))
-        else:
-            due = time >= self._next and not self.is_noted(planner) and not phases.comes_to_rest
-            self._swung |= not due
-        if due:
-            self._next, self._swung = time + REPLAN, False
-        return due
 
 
 class LipmWalk(ReferenceSource):
@@ -152,7 +113,9 @@ class LipmWalk(ReferenceSource):
         preview, self._adjuster = self._laws[False]
         self.time, self.steps_done = 0.0, 0
         self._pace = 0.0  # of the last plan, m/s
-        self._planning = Planning()
+        self._next = 0.0  # time of the next plan, s
+        self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
+        self._swung = False  # since the last plan: one is due on both feet
         self._started: tuple[Event, ...] = ()  # events before the next update
         self._loaded = 0.0  # time for which the swing foot has borne the load of a touch-down, s
         self.phases = PlanPhases(replace(plan, steps=(), gait=gait))
@@ -171,7 +134,7 @@ class LipmWalk(ReferenceSource):
     def finished(self) -> bool:
         """True when what a planner has asked for is walked and the robot stands."""
         planner = self.planner
-        return self.phases.rests and (planner is None or self._planning.is_noted(planner))
+        return self.phases.rests and (planner is None or self._has_asked(planner))
 
     @property
     def remaining(self) -> Sequence[Footstep]:
@@ -201,7 +164,7 @@ class LipmWalk(ReferenceSource):
         if elsewhere or planner is not before or isinstance(planner, PlanSource):
             self.feet.drift.begin()
             if not elsewhere or self.phases.rests:  # a robot on its way goes on: goals may come in every tick
-                self._planning.ask_at_once()
+                self._next, self._swung, self._asked = 0.0, True, (None, None)
         if climbs or self.phases.rests:  # a robot that is to stop may do so on a stair
             self.course.preview, self._adjuster = self._laws[climbs]
 
@@ -212,17 +175,37 @@ class LipmWalk(ReferenceSource):
             granted = AT_REST
         return SteeredSteps(self.reach, self._drive, self.steering, granted, pace)
 
+    def _has_asked(self, planner: FootstepSource) -> bool:
+        """Return True if the last plan is that of a planner by its present order.
+
+        A planner of the user's own whose order fails, or is not to be compared, is asked anew, and refused where it is.
+        """
+        try:
+            return self._asked == (planner, planner.order)
+        except Exception:
+            return False
+
+    def _is_to_plan(self, planner: FootstepSource) -> bool:
+        """Return True if the footsteps are to be planned anew, as the description of this file says."""
+        phases, due = self.phases, self.time >= self._next
+        if phases.phase is not GaitPhase.SINGLE:
+            return self._swung or (due and not isinstance(planner, PlanSource))
+        due = due and not self._has_asked(planner) and not phases.comes_to_rest
+        self._swung |= not due
+        return due
+
     def plan_steps(self) -> None:
         """Plan the footsteps anew if it is time to."""
         planner, phases, drift = self.planner, self.phases, self.feet.drift
-        if planner is None or not self._planning.start_if_due(planner, phases, self.time):
+        if planner is None or not self._is_to_plan(planner):
             return
+        self._next, self._swung = self.time + REPLAN, False
         feet = phases.plan.feet(phases.step + (phases.swing is not None))
         plan = self._ask(planner, drift.planner_feet(feet))
         if plan is not None:
             self._steer(drift.present_plan(plan))
             self._pace = planner.pace
-            self._planning.note(planner)  # whose order may have ended with its answer
+            self._asked = planner, planner.order  # which may have ended with its answer
             return
         self.steering.command(None)  # the robot comes to a stand
         if not isinstance(planner, (SteeredSteps, PlanSource)):

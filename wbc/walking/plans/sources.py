@@ -33,7 +33,7 @@ AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 AHEAD = 64
 """Greatest number of steps that a walk plans with: it is asked again at each landing, and later steps do not change its
-motion now (`wbc.walking.lipm.course.FELT` is the time of 34 steps of the quickest gait)."""
+motion now (`wbc.walking.lipm.preview.FELT` is the time of 34 steps of the quickest gait)."""
 
 BESIDE, MORE = 0.25, 6
 """Distance of a foot from its last place in a plan, over the longest step, from which a robot that was pushed takes a

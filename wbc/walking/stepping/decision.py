@@ -145,7 +145,10 @@ class StepDecision:
         """
         now, down = self._pendulum(state), None
         bounds = self._bounds(state, now.run)
-        if bounds.is_past_far_edge(now.run, self._law.time.outer_cop):
+        (_, far_edge), _ = bounds.area
+        if (
+            now.run[1] < far_edge - self._law.time.outer_cop
+        ):  # ξ runs away from the swing foot: no pressure stops it
             down = self._put_down or self._puts_down(state, now.run)
             bounds = bounds.ending() if down is None else bounds.ending(down.end - state.elapsed, down.places)
         self._put_down = down

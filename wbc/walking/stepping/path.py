@@ -263,12 +263,6 @@ class Asked(NamedTuple):
         c = law.touch
         return c.patience_of_plans if self.footsteps else c.patience + self.fast_share * (1.0 - c.patience)
 
-    @property
-    def may_move(self) -> bool:
-        """True for a landing that may be moved on seen ground: footsteps that are fixed, and the last ones, stay."""
-        steps = self.footsteps
-        return not steps or (len(steps) > 2 and not steps[0].fixed)
-
 
 def steps_of_velocity(velocity: Point, width: float, state: StepState) -> Wish:
     """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""

@@ -98,14 +98,6 @@ class Bounds(NamedTuple):
     next_area: Point  # greatest shift of that of the next step, either way, m
     times: tuple[float, float]  # least and greatest time that is left, s
 
-    def is_past_far_edge(self, run: Point, margin: float) -> bool:
-        """Return True if ξ runs away from the swing foot over the area's edge, past a margin, m: no pressure stops it.
-
-        Ahead and outwards, ξ is at `run` from the contact point, m.
-        """
-        (_, far_edge), _ = self.area
-        return run[1] < far_edge - margin
-
     def after(self, time: float) -> Bounds:
         """Return the same limits of a step for which a time, s, is left at least."""
         least, most = self.times

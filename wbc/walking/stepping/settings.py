@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from itertools import pairwise
-from typing import Annotated, ClassVar, NamedTuple, NoReturn, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -32,8 +31,6 @@ Force = Annotated[NonNegative, "mg"]
 Angle = Annotated[NonNegative, "rad"]
 Box = Annotated[tuple[Positive, Positive], "sole"]
 Gains = tuple[Annotated[NonNegative, "ω²"], Annotated[NonNegative, "ω"]]
-
-IN_SI = "these values are in SI units already: give those in units of the robot"
 
 LARGEST = {
     **{
@@ -108,20 +105,6 @@ class RobotSize:
         )
 
 
-class _Constants:
-    """Base of constants of which some must grow in an order."""
-
-    _orders: ClassVar[tuple[tuple[str, ...], ...]] = ()  # names whose numbers grow from one to the next
-
-    def __post_init__(self) -> None:
-        """Refuse numbers that do not grow."""
-        for names in self._orders:
-            numbers = [number for name in names for number in np.ravel(getattr(self, name)).tolist()]
-            if any(low >= high for low, high in pairwise(numbers)):
-                got = ", ".join(map("{:g}".format, numbers))
-                raise InputError(f"numbers of {', '.join(names)} must grow in this order, got {got}")
-
-
 @settings
 class TimeConstants:
     """Time of a step."""
@@ -138,7 +121,7 @@ class TimeConstants:
 
 
 @settings
-class AreaConstants(_Constants):
+class AreaConstants:
     """Contact of the foot that stands: its centre of pressure, and the area of the sole that is supported."""
 
     # Carrying point, ahead of the centre of the sole: between centre and ankle either of them can hold a moment.
@@ -163,11 +146,9 @@ class AreaConstants(_Constants):
     slow_width: Annotated[Positive, "h"] = 0.04  # half of the supported width from which on steps are slow
     held_gain: tuple[Share, Share] = (0.8, 0.3)  # weight of the last step in this width, if less and if more
 
-    _orders = (("trusted",), ("even",), ("still", "turning"))
-
 
 @settings
-class TouchConstants(_Constants):
+class TouchConstants:
     """Contact of the foot in the air, the foot that takes over, and the forces of both."""
 
     patience: Positive = 1.5  # offset of ξ over that of the orbit up to which the next step is long enough
@@ -194,12 +175,9 @@ class TouchConstants(_Constants):
     held: Force = 0.18  # of the other foot, which must hold while a foot loses the ground: else both fly
     lost_time: Time = 0.12  # time for which the foot must have lost the ground
 
-    _borne = ("least_force", "share", "met", "held", "carried")  # a foot can bear all of these
-    _orders = (("lost", "met"), *zip(_borne, ["most_force"] * len(_borne), strict=True))
-
 
 @settings
-class SwingConstants(_Constants):
+class SwingConstants:
     """Motion of the foot in the air, and the ground that it is to meet; shares are of the time of the step."""
 
     apex: Share = 0.42  # share at which the foot is highest
@@ -226,8 +204,6 @@ class SwingConstants(_Constants):
     choice: Share = 0.15  # share from which on a place on seen ground is chosen
     again: Length = 0.03  # move of the program's landing from which on another place is chosen
 
-    _orders = (("urgent",), ("apex", "touch"), ("landing_speed", "hardest"))
-
     @property
     def quickest(self) -> float:
         """Least time of a step, whose swing has two pieces up to the earliest share at which a foot touches down."""
@@ -251,7 +227,7 @@ class StandConstants:
 
 
 @settings
-class PathConstants(_Constants):
+class PathConstants:
     """Steering: the way to a goal and along a path."""
 
     near: Length = 0.8  # distance within which a goal is walked to without being faced: turns cost steps
@@ -267,8 +243,6 @@ class PathConstants(_Constants):
     drift_speed: Speed = 0.041  # greatest velocity of the way back to the path
     pelvis_turn: Angle = 0.35  # greatest angle of the pelvis from the heading: a push may turn it
 
-    _orders = (("arrived", "near"),)
-
 
 @settings
 class SteppingConstants:
@@ -283,17 +257,12 @@ class SteppingConstants:
 
     def in_si(self, scale: RobotSize) -> ConstantsInSI:
         """Return the constants for one robot in SI units; an `InputError` for a number that is in SI units already."""
-        parts = {part.name: getattr(self, part.name) for part in dataclasses.fields(self)}
-        return ConstantsInSI(**{name: multiplied_out(part, scale) for name, part in parts.items()})
+        names = [part.name for part in dataclasses.fields(self)]
+        return SteppingConstants(**{name: multiplied_out(getattr(self, name), scale) for name in names})
 
 
-class ConstantsInSI(SteppingConstants):
-    """Constants of the law for one robot, in SI units."""
-
-    def in_si(self, scale: RobotSize) -> NoReturn:
-        """Refuse to multiply the units out again."""
-        raise InputError(IN_SI)
-
+ConstantsInSI = SteppingConstants
+"""Constants of the law for one robot, in SI units."""
 
 T = TypeVar("T")
 
@@ -347,11 +316,6 @@ class SteppingSettings:
         si = multiplied_out(self, scale)
         inside = 2.0 * scale.sole[1] + si.gap  # distance of the feet whose soles are a gap apart
         si = dataclasses.replace(si, width=max(si.width, APART * inside), gap=inside)
-        self._check(si)
-        return SettingsInSI(**vars(si))
-
-    def _check(self, si: SteppingSettings) -> None:
-        """Refuse steps that cannot be walked, by the settings in SI units."""
         if not si.shortest <= si.step_time <= si.slow_time:
             raise InputError(
                 f"shortest ≤ step_time ≤ slow_time must hold, got {self.shortest:g}, {self.step_time:g} and "
@@ -364,14 +328,11 @@ class SteppingSettings:
                 f"feet must stand further apart than the soles are wide ({si.gap:.3f} m with the gap) and nearer than "
                 f"widest; got width {si.width:.3f} m and widest {si.widest:.3f} m"
             )
+        return si
 
 
-class SettingsInSI(SteppingSettings):
-    """Settings of free steps for one robot, in SI units."""
-
-    def in_si(self, scale: RobotSize) -> NoReturn:
-        """Refuse to multiply the units out again."""
-        raise InputError(IN_SI)
+SettingsInSI = SteppingSettings
+"""Settings of free steps for one robot, in SI units."""
 
 
 class GaitValues(NamedTuple):

@@ -235,7 +235,9 @@ class SingleSupport:
         if asked.footsteps:
             self._one.orbit = orbit = Orbit.of_wish(wish.places, wish.offsets)
             state = state._replace(orbit=orbit)
-        stays = self._ground.sight is None or self.swing is None or self.first or not asked.may_move
+        steps = asked.footsteps  # those that are fixed, and the last ones, stay on seen ground
+        stays = self._ground.sight is None or self.swing is None or self.first
+        stays |= bool(steps) and (len(steps) <= 2 or steps[0].fixed)
         self.decision.decide(state, wish, None if stays else self._touch_time() - self._felt.elapsed)
 
     def _step_time(self) -> float:

@@ -82,7 +82,11 @@ class SwingTouch:
         """Return True if the swing foot bears the load of a contact in this tick, in a step of a time, s."""
         law, felt = self._law.touch, self._felt
         may = felt.elapsed > law.early * duration and not self.pushed
-        return may and felt.state.wrenches[felt.swing][2] > law.met and self._is_low()
+        if not may or felt.state.wrenches[felt.swing][2] <= law.met:
+            return False
+        places = felt.state.places  # no higher than the way over the ground asks for
+        ground = max(places[felt.stance][2], self._ground.height)
+        return places[felt.swing][2] < ground + law.low * self._settings.swing_height
 
     def loses(self, since: float) -> bool:
         """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
@@ -108,12 +112,6 @@ class SwingTouch:
         there = axes.outwards(p + grown * (dcm.x - p) - u, q + grown * (dcm.y - q) - v)
         now = viability(ahead, -beyond, orbit, law.time.stretch)
         return law.touch.rubs * now < viability(there[0], -there[1], orbit, law.time.stretch)
-
-    def _is_low(self) -> bool:
-        """Return True if the swing foot is no higher than the way over the ground asks for."""
-        felt, places = self._felt, self._felt.state.places
-        ground = max(places[felt.stance][2], self._ground.height)
-        return places[felt.swing][2] < ground + self._law.touch.low * self._settings.swing_height
 
     def track(self, *, met: bool, at_edge: bool) -> None:
         """Take in a tick: where the foot in contact carries, and for how long the other one has carried nothing.
