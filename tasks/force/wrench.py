@@ -8,7 +8,8 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.errors import InputError, unknown_name
+from wbc.base.checked import checked
+from wbc.base.errors import unknown_name
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.options import POSE_AXES, TaskOptions
@@ -32,9 +33,10 @@ class WrenchTask(VariableTask):
     unit = "N|Nm"
     usual = {"weight": 1e-3}
 
+    @checked
     def __init__(
         self,
-        contact: Contact | str,
+        contact: Contact,
         target: ArrayLike | None = None,
         *,
         axes: str | Sequence[str] | None = None,
@@ -43,15 +45,14 @@ class WrenchTask(VariableTask):
         """Describe the task.
 
         Args:
-            contact: The contact, or the name of a sole contact.
+            contact: The contact.
             target: Wrench of a sole contact, [force; moment] in the sole frame at the sole centre, shape (6,), N and
                 Nm, or force of a point contact, shape (3,), N; zero when None.
             axes: Axes of the contact frame to control: x, y, z for the force, and roll, pitch, yaw for the moment; all
                 axes of the contact when None.
             **options: See `TaskOptions`.
         """
-        self._contact = contact
-        self._size = contact.dim if isinstance(contact, Contact) else len(POSE_AXES)
+        self._contact, self._size = contact, contact.dim
         every = POSE_AXES[: self._size]
         chosen = every if axes is None else axes
         super().__init__(f"{self.contact} wrench", every, axes=chosen, **options)
@@ -61,23 +62,17 @@ class WrenchTask(VariableTask):
     @property
     def contact(self) -> str:
         """Name of the contact."""
-        return self._contact.name if isinstance(self._contact, Contact) else self._contact
+        return self._contact.name
 
-    def waits_for(self) -> object | None:
-        """Return the contact if the task was given the contact itself; None if it was given its name."""
-        return self._contact if isinstance(self._contact, Contact) else None
+    def waits_for(self) -> object:
+        """Return the contact."""
+        return self._contact
 
     def bind_problem(self, problem: Problem) -> None:
         """Find the force variables of the contact."""
         if self.contact not in problem.contacts:
             unknown_name("contact", self.contact, problem.contacts)
-        block = problem.contacts[self.contact]
-        if block.stop - block.start != self._size:
-            raise InputError(
-                f"contact '{self.contact}' of task '{self.name}' has {block.stop - block.start} force variables, "
-                f"not {self._size}; give the contact itself instead of its name"
-            )
-        self._columns = block.start + self._axes
+        self._columns = problem.contacts[self.contact].start + self._axes
         self._order = np.arange(self.dim)
         self._loaded = problem.loaded[self.contact]
 

@@ -155,45 +155,23 @@ class ManipulabilityTask(_Number):
     Source: T. Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
     """
 
-    __slots__ = ("_columns", "_data", "_frame", "_id", "_trunk")
+    __slots__ = ("_columns", "_data", "_frame", "_id")
     frame: str = result("_frame", OPTIONS)
     unit = "m³"
 
     @checked
-    def __init__(
-        self,
-        frame: str,
-        target: Number | None = None,
-        *,
-        trunk: str | None = None,
-        **options: Unpack[GainOptions],
-    ) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame at the end of the limb.
-            target: Manipulability, m³, ≥ 0; the present one when None.
-            trunk: Frame at which the limb begins; the base when None.
-            **options: See `GainOptions`.
-        """
-        self._frame, self._trunk = frame, trunk
+    def __init__(self, frame: str, target: Number | None = None, **options: Unpack[GainOptions]) -> None:
+        """Describe the task of a frame at the end of a limb; the target, m³, ≥ 0, is the present one when None."""
+        self._frame = frame
         super().__init__(f"{frame} manipulability", 1, **options)
         if target is not None:
             self.target = target
 
     @checked
     def bind(self, robot: Robot) -> None:
-        """Find the joints of the limb."""
+        """Find the joints of the limb, which begins at the base."""
         self._id, self._data = robot.frame_id(self.frame), robot.model.createData()
-        trunk, frames = self._trunk or robot.base_frame, robot.model.frames
-        if (
-            frames[robot.frame_id(trunk)].parentJoint
-            not in robot.model.supports[frames[self._id].parentJoint]
-        ):
-            raise InputError(
-                f"the limb of task '{self.name}' must begin before '{self.frame}', not at '{trunk}'"
-            )
-        joints = robot.joints_between(self.frame, trunk)
+        joints = robot.joints_between(self.frame, robot.base_frame)
         self._columns = robot.nv - robot.na + np.array(joints, dtype=np.intp)
         if len(joints) < 3:
             raise InputError(f"'{self.frame}' has {len(joints)} joints; 3 are required for '{self.name}'")

@@ -51,7 +51,7 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_away", "_feet", "_gains", "_given", "_places", "_rates", "_seen", "_settings", "_sole_ids", "_soles",
+        "_away", "_feet", "_gains", "_places", "_rates", "_seen", "_settings", "_sole_ids", "_soles",
         "_stabilizer", "_yaw", "output",
     )  # fmt: skip
 
@@ -64,7 +64,6 @@ class StabilizerTask(CoMTask):
         drives: Drives = "torque",
         gains: StabilizerGains | None = None,
         distribution: DistributionSettings | None = None,
-        estimate: Robot | None = None,
         wrench_weight: NonNegative = 1e-3,
         **options: Unpack[MotionOptions],
     ) -> None:
@@ -77,9 +76,6 @@ class StabilizerTask(CoMTask):
             drives: Kind of drive commands: "position", or "torque" for torque and hybrid control.
             gains: Gains of feedback and admittances; the defaults when None.
             distribution: Settings of the wrench distribution; the defaults when None.
-            estimate: Robot whose state is the estimate from the sensors (`State.robot`). When None, it is the estimated
-                robot of the control that runs the controller (`PositionControl` and others), or, without a control, the
-                robot of the controller.
             wrench_weight: Cost of deviations from the desired foot wrenches with torque drives, per N² and (Nm)².
             **options: See `MotionOptions`; all axes are controlled.
         """
@@ -92,7 +88,7 @@ class StabilizerTask(CoMTask):
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
         self._rates = np.zeros(3), np.zeros(3)  # velocity and acceleration of the target
         super().__init__(target, **(defaults | options))
-        self._gains, self._settings, self._given = gains, distribution or DistributionSettings(), estimate
+        self._gains, self._settings = gains, distribution or DistributionSettings()
         self._feet = StabilizedFeet(
             contacts, torque=drives == "torque", weight=wrench_weight, by_load=self._settings.by_load
         )
@@ -186,13 +182,16 @@ class StabilizerTask(CoMTask):
     def observe(self, measurement: Measurement, dt: float) -> None:
         """Run the stabilizer with the CoM target for one tick, and set the references of this task and of the feet.
 
+        The state is the estimate of the control that runs the controller (`PositionControl` and others), or, without a
+        control, that of the robot of the controller.
+
         Args:
             measurement: Measurement with the wrenches on the soles.
             dt: Control period, s.
         """
         self._set_down()
         owner, stabilizer, feet = self.owner, self.stabilizer, self._feet
-        estimate: Robot = self._given or (self.robot if owner is None else owner.measured)
+        estimate: Robot = self.robot if owner is None else owner.measured
         if estimate is not self._seen:
             self._seen, self._soles = estimate, [estimate.placement(sole) for sole in self._sole_ids]
         stabilizer.mass = estimate.mass  # with what it carries

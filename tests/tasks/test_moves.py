@@ -141,7 +141,7 @@ def test_a_move_around_passes_whole_turns_without_a_way_back(axis: Array, angles
 def _turned(coordinates: Coordinates, targets: list[Any], direction: Callable[[Any], Array]) -> float:
     """Angle that a direction passes on a move, degrees."""
     move = Move(coordinates, targets, (None, None), duration=2.0)
-    ends = [direction(coordinates.target(*move._trajectory.at(t))[0]) for t in np.linspace(0.0, 2.0, 100)]
+    ends = [direction(coordinates.target(*move._trajectory.at(t))[0]) for t in np.linspace(0.0, 2.0, 250)]
     return float(np.degrees(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(ends))))
 
 

@@ -155,20 +155,6 @@ def test_manipulability_grows_to_its_target() -> None:
     assert before < 0.05
 
 
-def test_a_limb_that_begins_at_the_trunk_leaves_the_waist_alone() -> None:
-    robot = wbc.load_robot("g1").robot()
-    hand, other = robot.frames["left_hand"], robot.frames["right_hand"]
-    whole, arm_alone = ManipulabilityTask(hand), ManipulabilityTask(hand, trunk=robot.torso_frame)
-    for task in (whole, arm_alone):
-        task.bind(robot)
-    waist = [robot.nv - robot.na + i for i in robot.joints_between(robot.torso_frame, robot.base_frame)]
-    assert waist and whole.evaluated()[0][0, waist].any()
-    assert not arm_alone.evaluated()[0][0, waist].any()
-    assert arm_alone.present(robot)[0] < whole.present(robot)[0]
-    with pytest.raises(InputError, match="must begin before"):
-        ManipulabilityTask(hand, trunk=other).bind(robot)
-
-
 def test_low_acceleration_makes_velocities_change_less() -> None:
     jerks = []
     for weight in (0.0, 1.0):

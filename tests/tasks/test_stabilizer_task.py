@@ -38,7 +38,7 @@ def standing(mode: str) -> tuple[wbc.Plant, wbc.PositionControl | wbc.TorqueCont
     observer = wbc.Observer(robot, adopt=mode != "position")
     soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
     drives = "position" if mode == "position" else "torque"
-    task = StabilizerTask(soles, drives=drives, estimate=observer.robot)  # type: ignore[arg-type]
+    task = StabilizerTask(soles, drives=drives)  # type: ignore[arg-type]
     controller.add(task, wbc.PostureTask(weight=0.1), wbc.OrientationTask(robot.base_frame, weight=10.0))
     controller.add(wbc.JointLimits(), wbc.TorqueLimits())
     return plant, CONTROLS[mode](controller, observer), task
@@ -136,8 +136,8 @@ def test_tasks_on_the_wrenches_come_and_go_with_it() -> None:
     assert not standing("position")[2].parts
 
 
-@pytest.mark.parametrize("order", ["left, right", "right, left", "by frame"])
-def test_the_order_of_the_contacts_and_an_estimate_that_is_not_given_change_nothing(order: str) -> None:
+@pytest.mark.parametrize("order", ["right, left", "by frame"])
+def test_the_order_of_the_contacts_changes_nothing(order: str) -> None:
     """The robot leans to its left in position control, where the commanded robot is not the measured one."""
     commands = []
     for given in (True, False):
@@ -151,8 +151,7 @@ def test_the_order_of_the_contacts_and_an_estimate_that_is_not_given_change_noth
             for name in (["left", "right"] if given else names)
         ]
         controller.add(*soles)
-        estimate = {"estimate": observer.robot} if given else {}
-        task = StabilizerTask(soles, drives="position", **estimate)
+        task = StabilizerTask(soles, drives="position")
         controller.add(task, wbc.PostureTask(weight=0.1), wbc.OrientationTask(robot.base_frame))
         controller.add(wbc.JointLimits(), wbc.TorqueLimits())
         control = wbc.PositionControl(controller, observer)

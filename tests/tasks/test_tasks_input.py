@@ -81,7 +81,7 @@ UNKNOWN: dict[str, Callable[[], Task]] = {
     "wieght": lambda: CoMTask(wieght=1.0),  # type: ignore[call-arg]
     "rol": lambda: PoseTask("left_hand", axes=("rol",)),
     "joints of rows on single joints": lambda: LowAccelerationTask(joints=["base"]),
-    "joints of a wrench": lambda: WrenchTask("left_foot", joints=["base"]),  # type: ignore[call-arg]
+    "joints of a wrench": lambda: WrenchTask(SoleContact("left_foot"), joints=["base"]),  # type: ignore[call-arg]
 }
 
 

@@ -43,11 +43,11 @@ def everything(name: str) -> Controller:
     robot = make_robot(name)
     controller = Controller(robot, 0.002)
     hands = (left_hand(robot), right_hand(robot))
-    controller.add(SoleContact("left_foot", friction=0.4), SoleContact("right_foot", friction=0.4))
+    left, _ = controller.add(*(SoleContact(f"{side}_foot", friction=0.4) for side in ("left", "right")))
     controller.add(CoMTask(), PostureTask(), OrientationTask(robot.torso_frame), MomentumTask())
     controller.add(PositionTask(hands[0]), RelativeFrameTask(hands[1], robot.base_frame, weight=0.5))
     controller.add(ImpedanceTask(hands[0], weight=0.1), JointTorqueTask(weight=1e-5))
-    controller.add(WrenchTask("left_foot", axes=("roll", "pitch"), weight=1e-3))
+    controller.add(WrenchTask(left, axes=("roll", "pitch"), weight=1e-3))
     controller.add(JointLimits(), TorqueLimits(ratio=0.9), CoMPolygonLimit())
     controller.add(CollisionLimit([hands], shapes={hand: CollisionSphere(0.05) for hand in hands}))
     return controller
@@ -149,17 +149,9 @@ def test_an_item_that_is_refused_changes_nothing(refused: Callable[[Robot], Item
 
 
 @pytest.mark.parametrize("hard", [False, True])
-@pytest.mark.parametrize("named", [False, True])
-def test_a_task_on_a_wrench_acts_while_its_contact_is_there_and_on(hard: bool, named: bool) -> None:
+def test_a_task_on_a_wrench_acts_while_its_contact_is_there_and_on(hard: bool) -> None:
     controller, left, _ = two_soles()
-    task = WrenchTask(
-        "left_foot" if named else left,
-        [8.0, 0.0, 60.0, 0.0, 0.0, 0.0],
-        axes=["x", "z"],
-        hard=hard,
-        weight=1.0,
-    )
-    controller.add(task)
+    controller.add(WrenchTask(left, [8.0, 0.0, 60.0, 0.0, 0.0, 0.0], axes=["x", "z"], hard=hard, weight=1.0))
 
     def force(ticks: int = 25) -> list[float]:
         for _ in range(ticks):

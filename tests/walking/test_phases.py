@@ -16,7 +16,7 @@ from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.lipm.adjustment import AdjustmentSettings, PlannedSwing
-from wbc.walking.lipm.settings import PhaseSettings, WalkSettings, most_inward
+from wbc.walking.lipm.settings import PhaseSettings, WalkSettings
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
 from wbc.walking.plans.gait import Gait
@@ -365,13 +365,6 @@ def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_d
             offs.append(complex(*(w.course.pendulum().com - w.course.pattern.at(w.course.since).com)[:2]))
         expected = (start * (1.0 + falls) + speed * falls / w.course.pattern.omega) * np.exp(-falls)
         np.testing.assert_allclose(offs, expected, atol=5e-4)
-
-
-@pytest.mark.parametrize(("half_width", "margin"), [(0.05, 0.01), (0.025, 0.01), (0.008, 0.01)])
-def test_the_zmp_leaves_a_margin_to_both_sides_of_narrow_soles(half_width: float, margin: float) -> None:
-    most = most_inward(half_width, margin)
-    left = half_width - margin
-    assert most == pytest.approx(max(left - margin, left / 2.0, 0.0)) and most >= 0.0
 
 
 def in_swing() -> LipmWalk:

@@ -71,21 +71,12 @@ def law_of(
     margin, inward = preview.margin, preview.target.inward
     if climbs:  # as planned: on rough ground, landings make a plan that climbs, too
         inward = min(inward, CLIMBING_INWARD)
-    most = most_inward(
-        0.5 * min(width for _, width in reach.soles),
-        margin if adjustment is None else max(margin, adjustment.margin),
-    )
+    # Step adjustment answers what no ZMP within the sole's margin can. Without room on a side it would answer every
+    # error of the DCM to that side, the constant ones of sensors as well, and the walk would leave its line. The room
+    # is one margin, or half of what the margin leaves of a sole that is narrower than six margins.
+    margin = margin if adjustment is None else max(margin, adjustment.margin)
+    left = 0.5 * min(width for _, width in reach.soles) - margin
+    most = max(left - margin, 0.5 * left, 0.0)
     target = replace(preview.target, inward=max(-most, min(most, inward)))
     planner = PreviewController(reach.soles, com_height, replace(preview, target=target))
     return planner, None if adjustment is None else StepAdjuster(com_height, reach, target, adjustment)
-
-
-def most_inward(half_width: float, margin: float) -> float:
-    """Return the greatest distance of the planned ZMP from the middle of a sole to a side, m.
-
-    Step adjustment answers what no ZMP within the sole's margin can. Without room on a side it would answer every error
-    of the DCM to that side, the constant ones of sensors as well, and the walk would leave its line. The room is one
-    margin, or half of what the margin leaves of a sole that is narrower than six margins.
-    """
-    left = half_width - margin
-    return max(left - margin, 0.5 * left, 0.0)

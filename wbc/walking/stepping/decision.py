@@ -87,12 +87,7 @@ class PutDown(NamedTuple):
 
 
 class StepDecision:
-    """Decision of the step that swings.
-
-        decision.begin()                    at lift-off
-        decision.area.update(…)             in every tick: the supported area of the foot that stands
-        decision.decide(state, wish, …)     a few hundred times a second
-        decision.press()                    in every tick: the centre of pressure moves on
+    """Decision of the step that swings: a few hundred times a second from its lift-off on.
 
     Attributes:
         area: Supported area of the foot that stands.

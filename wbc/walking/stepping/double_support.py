@@ -1,12 +1,4 @@
-"""A robot on both feet: it stands, or shifts its weight over one foot before the first step.
-
-    stance = stand.joined(air, landed)        foot that carries already
-    stance = stand.pushed(direction)          foot that is to carry in a step out of a push
-    stand.standing()                          references: the CoM rests over the middle of the feet
-    stand.shift(…), stand.shifting(…)         the weight begins to shift; references: the CoM on its way
-
-State, contact point and DCM are those that `felt` has taken in.
-"""
+"""A robot on both feet: it stands, or shifts its weight over one foot before the first step."""
 
 from __future__ import annotations
 
@@ -14,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from wbc.base.vectors import Point, Vector, along
+from wbc.core.robot import GRAVITY
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.course import PhaseReference, shifted
 from wbc.walking.stepping.felt import GaitState
@@ -34,7 +27,7 @@ class DoubleSupport:
 
     def __init__(self, values: GaitValues, felt: GaitState) -> None:
         """Stand."""
-        self._settings, self._law, _, self._dt = values
+        self._settings, self._law, self._scale, self._dt = values
         self._felt = felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self.duration = self._shift_time = self._late = 0.0
@@ -100,8 +93,13 @@ class DoubleSupport:
 
     @property
     def _slower(self) -> float:
-        """Time of the shift over that on rigid ground."""
-        return 1.0 + self._felt.free_edge
+        """Time of the shift over that on rigid ground: 1 + 2 d / w.
+
+        A sole of the width w that bears the whole weight is d deep, and tilts by 12 e d / w² where it carries at e
+        beside its middle: by 2 d / w at e = w / 6, where its edge comes free.
+        """
+        state = self._felt.state
+        return 1.0 + state.compliance * state.mass * GRAVITY / self._scale.sole[1]
 
     def shifting(self, direction: Point, time: float) -> PhaseReference:
         """Return the references of the shift.

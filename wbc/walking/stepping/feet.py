@@ -1,10 +1,5 @@
 """Feet of free steps: what those on the ground cost and bear, and what the one in the air costs.
 
-    feet.gains(phase)               gains of the CoM, and size of the boxes of the centre of pressure
-    feet.load(side, reference)      cost and forces of a foot on the ground
-    feet.centre(side, reference)    place of its box
-    feet.swing(urgency)             ratio of the costs of a foot in the air
-
 The tasks of the walk (`wbc.walking.tasks`) write these values where they change.
 """
 

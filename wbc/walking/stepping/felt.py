@@ -147,14 +147,6 @@ class GaitState:
         assert self._contact is not None
         return self._contact
 
-    @property
-    def free_edge(self) -> float:
-        """Tilt across a sole that bears the whole weight at which its edge comes free, rad: 2 d / w.
-
-        The sole of the width w is d deep; it tilts by 12 e d / w² where it carries at e beside its middle, up to w / 6.
-        """
-        return self.state.compliance * self.state.mass * GRAVITY / self._scale.sole[1]
-
     def take(self, state: BodyState, frames: Frames) -> None:
         """Take in the state of the next tick."""
         self.elapsed += self._dt

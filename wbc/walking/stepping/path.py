@@ -32,10 +32,6 @@ class StepVelocity(NamedTuple):
 class PathSteering(Steering):
     """Steering of free steps: their velocity at every tick, held to a path.
 
-        steering.rest(place)            where the robot begins to step, and where it stands again
-        steering.update(…), follow(…)   in every tick of a step: by target or goal, or by footsteps
-        steering.land(supported)        at every landing
-
     Attributes:
         heading: Heading of the pelvis and of the next steps, rad.
         direction: Cosine and sine of the heading.

@@ -1,11 +1,4 @@
-"""One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over.
-
-step.begin(climbs=…, out=…)     at lift-off; `SetOff` in the first step out of a stand
-events = step.update(asked)     push on the swing foot, expected ground, decision, contact
-step.is_over()                  the foot that has landed is to carry
-supported = step.end()          what the landing says of the ground
-step.references()               CoM, forces of the feet, centre of pressure
-"""
+"""One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over."""
 
 from __future__ import annotations
 
