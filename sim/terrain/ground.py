@@ -105,7 +105,7 @@ class Ground:
         return self._highest(bx.ravel(), by.ravel()).reshape(bx.shape)
 
 
-def strip(x0: float, x1: float, width: float, level: float, floor: float) -> Box:
+def flat_box(x0: float, x1: float, width: float, level: float, floor: float) -> Box:
     """Make a flat box from x0 to x1 with its top at `level`, reaching below the floor, m."""
     bottom = min(floor, level) - STRIP_DEPTH
     position = np.array([(x0 + x1) / 2.0, 0.0, (level + bottom) / 2.0])

@@ -22,7 +22,6 @@ from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.areas import Area, read_areas
-from wbc.sim.terrain.building import build
 from wbc.sim.terrain.families.base import Family, FieldFamily, make_family
 from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site
 from wbc.sim.terrain.ground import Ground
@@ -167,28 +166,26 @@ class Terrain:
 
     def _check_size(self) -> None:
         """Check that the ground has a number of features that can be built."""
-        family, feature = self.parameters, self.parameters.feature_at(self.amplitude)
-        counts: dict[str, tuple[float, int]] = {}
+        family = self.parameters
+        feature, what, most = family.feature_at(self.amplitude), "features", MAX_SOLIDS
         if isinstance(family, FieldFamily):
-            cell = family.cell(self.sole_radius)
-            rows = 1.0 if family.unidirectional else self.width / cell
-            counts["nodes"] = self.length / cell * rows, MAX_NODES
-        elif (density := getattr(family, "density", None)) is not None:
-            counts["solids"] = density * self.length * self.width, MOST_PLACED
-        else:
-            rows = 1.0 if family.unidirectional else max(1.0, self.width / feature)
-            counts["features"] = max(1.0, self.length / feature) * rows, MAX_SOLIDS
-        for what, (count, most) in counts.items():
-            if count > most:
-                raise InputError(
-                    f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} {what}; at "
-                    f"most {most:.3g} are built: shorten the track or coarsen the family"
-                )
+            feature, what, most = family.cell(self.sole_radius), "nodes", MAX_NODES
+        rows = 1.0 if family.unidirectional else max(1.0, self.width / feature)
+        count = max(1.0, self.length / feature) * rows
+        if (density := getattr(family, "density", None)) is not None:
+            count, what, most = density * self.length * self.width, "solids", MOST_PLACED
+        if count > most:
+            raise InputError(
+                f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} {what}; at "
+                f"most {most:.3g} are built: shorten the track or coarsen the family"
+            )
 
     @cached_property
     def surface(self) -> Ground:
         """The ground as it is drawn; built at the first query."""
-        return build(self.parameters, self.site(), self.strip, self.ramp, self.sole_radius)
+        if self.amplitude == 0.0:
+            return Ground(0.0)
+        return self.parameters.ground(self.site(), self.strip, self.ramp, self.sole_radius)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""

@@ -466,7 +466,7 @@ class Solids(ShapeFamily):
 class Heights(FieldFamily):
     """Waves both ways."""
 
-    smallest_feature, unidirectional = 0.2, False
+    smallest_feature = 0.2
 
     def heights(self, site, x, y):
         return np.sin(8.0 * x) * np.cos(7.0 * y)

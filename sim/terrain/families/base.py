@@ -20,6 +20,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, fields
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
@@ -30,9 +31,13 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.registry import Registry, call_checked
 from wbc.base.settings import Positive, settings
-from wbc.sim.terrain.families.site import Site, cells
-from wbc.sim.terrain.ground import HeightField
-from wbc.sim.terrain.shapes import Shape
+from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.sim.terrain.families.site import Draws, Site, cells
+from wbc.sim.terrain.ground import FLOOR_GAP, Ground, HeightField, flat_box
+from wbc.sim.terrain.shapes import Box, Shape, lowered
+
+AMPLITUDE_TOLERANCE = 1e-9
+"""Largest difference between the amplitude asked for and the one built, m."""
 
 LATERAL_CELLS = 3
 """Cells across a ground that does not vary across; odd, so that no grid line runs along y = 0."""
@@ -63,7 +68,7 @@ def param(default: Any, about: str, *, at_least: str | None = None, feature: Pos
 
 
 @settings
-class Family:
+class Family(ABC):
     """Parameters of a family of grounds; see `ShapeFamily` and `FieldFamily` for the two kinds."""
 
     name: ClassVar[str] = ""
@@ -124,8 +129,19 @@ class Family:
         del site
         return {}
 
+    @abstractmethod
+    def ground(self, site: Site, strip: float, ramp: float, sole_radius: float) -> Ground:
+        """Return the ground on a site.
 
-class ShapeFamily(Family, ABC):
+        Args:
+            site: Its rough part.
+            strip: Length of the flat strips before and after it, m.
+            ramp: Length of the first piece of the rough part, on which heights grow, m.
+            sole_radius: Radius of the spheres under the sole, m, for height fields.
+        """
+
+
+class ShapeFamily(Family):
     """Base of families that consist of solids on a floor.
 
     The highest point of `shapes` must be exactly `site.amplitude` above `floor(site)`, and some floor must stay
@@ -146,8 +162,25 @@ class ShapeFamily(Family, ABC):
         del site
         return 0.0
 
+    def ground(self, site: Site, strip: float, ramp: float, sole_radius: float) -> Ground:
+        """See `Family`; an `InputError` for solids that are not where and as high as they should be."""
+        del sole_radius
+        shapes, floor, stop = tuple(self.shapes(site)), self.floor(site), self.stop(site)
+        built, whole = max((float(s.peak[2]) for s in shapes), default=floor) - floor, Ground(floor, shapes)
+        if abs(built - site.amplitude) > AMPLITUDE_TOLERANCE:
+            raise InputError(
+                f"terrain family '{self.name}' built {built:g} m for an amplitude of {site.amplitude:g} m"
+            )
+        if _sticks_out(site, whole, max(floor, stop)):
+            raise InputError(f"terrain family '{self.name}' placed a solid outside the rough part")
+        boxes = np.array([shape.box for shape in shapes]).reshape(-1, 4)
+        x, y = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 2] + boxes[:, 3]) / 2.0
+        drops = (1.0 - _share(site, ramp, x)) * whole.height(x, y)
+        sunk = tuple(s if d == 0.0 else lowered(s, d) for s, d in zip(shapes, drops, strict=True))
+        return Ground(floor, sunk, _strips(site, strip, stop, floor))
 
-class FieldFamily(Family, ABC):
+
+class FieldFamily(Family):
     """Base of families that are given by heights on a grid, which are then scaled to the amplitude."""
 
     @abstractmethod
@@ -157,16 +190,17 @@ class FieldFamily(Family, ABC):
         Args:
             site: The rough part.
             x: Columns of the grid, shape (1, columns), m.
-            y: Rows of the grid, shape (rows, 1), m; one row if the family is unidirectional.
+            y: Rows of the grid, shape (rows, 1), m.
 
         Returns:
-            Heights that broadcast to (rows, columns).
+            Heights that broadcast to (rows, columns); those of one row do not vary across the track.
         """
 
-    @property
+    @cached_property
     def unidirectional(self) -> bool:
-        """True if the ground does not vary across the track; a family whose heights depend on y returns False."""
-        return True
+        """True if the ground does not vary across the track."""
+        two = np.array([[0.0], [1.0]])
+        return len(np.atleast_2d(self.heights(Site(0.0, 1.0, 1.0, 1.0, Draws(0, "")), two.T, two))) == 1
 
     @property
     def grid(self) -> float:
@@ -177,8 +211,8 @@ class FieldFamily(Family, ABC):
         """Return the size of the cells of a height field, m, at most `widest`; it divides `grid`."""
         return self.grid / max(1, math.ceil(self.grid / widest - ROUNDING))
 
-    def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
-        """Shift raw heights to the flat strips.
+    def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float]:
+        """Shift raw heights to the start strip, which is at 0.
 
         A ground that varies only along the track starts at 0, and its stop strip continues its end. A ground that
         varies in both directions is shifted to a mean of 0 and blended into strips at 0.
@@ -189,48 +223,63 @@ class FieldFamily(Family, ABC):
             raw: Heights, shape (rows, n), in the scale of the family.
 
         Returns:
-            Heights, and the levels of the start and stop strips, all in the raw scale.
+            Heights, and the level of the stop strip, both in the raw scale.
         """
-        if self.unidirectional:
+        if len(raw) == 1:
             raw = raw - raw[:, :1]
-            return raw, 0.0, float(raw[0, -1])
+            return raw, float(raw[0, -1])
         raw = raw - raw.mean()
         t = np.clip(np.minimum(x - site.x0, site.x1 - x) / BLEND, 0.0, 1.0)
-        return raw * t * t * (3.0 - 2.0 * t), 0.0, 0.0
+        return raw * t * t * (3.0 - 2.0 * t), 0.0
 
-    def sample(self, site: Site, step: float) -> tuple[Array, Array, float, float]:
+    def sample(self, site: Site, step: float) -> tuple[Array, float]:
         """Sample the raw heights in cells of at most `step` (m).
 
         Returns:
-            Columns (m), shape (1, columns); heights, shape (rows, columns); levels of the strips; in the raw scale.
+            Heights, shape (rows, columns) or (1, columns), and the level of the stop strip; in the raw scale.
         """
-        columns, half = cells(site.length, step) + 1, site.width / 2.0
-        rows = 1 if self.unidirectional else cells(site.width, step) + 1
-        x = np.linspace(site.x0, site.x1, columns)[None, :]
-        y = np.linspace(-half, half, rows)[:, None] if rows > 1 else np.zeros((1, 1))
-        raw = np.broadcast_to(np.asarray(self.heights(site, x, y), dtype=np.float64), (rows, columns))
+        columns, rows, half = cells(site.length, step) + 1, cells(site.width, step) + 1, site.width / 2.0
+        x, y = np.linspace(site.x0, site.x1, columns)[None, :], np.linspace(-half, half, rows)[:, None]
+        raw = np.atleast_2d(np.asarray(self.heights(site, x, y), dtype=np.float64))
+        raw = np.broadcast_to(raw, (1 if len(raw) == 1 else rows, columns))
         if not np.isfinite(raw).all():
             raise InputError(f"{self.name}: the heights are not all finite")
-        raw, start, stop = self.level(site, x, raw)
+        raw, stop = self.level(site, x, raw)
         if raw.max() <= raw.min():
             raise InputError(f"{self.name}: all heights are equal, so no amplitude can be met")
-        return x, raw, start, stop
+        return raw, stop
 
-    def build(self, site: Site, step: float) -> tuple[HeightField, float, float]:
-        """Sample the ground and scale it to the amplitude.
-
-        Args:
-            site: The rough part.
-            step: Greatest cell length, m.
-
-        Returns:
-            The map, and the levels of the start and stop strips, m.
-        """
-        _, raw, start, stop = self.sample(site, step)
+    def ground(self, site: Site, strip: float, ramp: float, sole_radius: float) -> Ground:
+        """See `Family`."""
+        raw, stop = self.sample(site, self.cell(sole_radius))
         scale, half = site.amplitude / float(raw.max() - raw.min()), site.width / 2.0
-        rows = LATERAL_CELLS + 1 if self.unidirectional else raw.shape[0]
-        z = np.ascontiguousarray(np.broadcast_to(raw * scale, (rows, raw.shape[1])))
-        return HeightField(site.x0, site.x1, -half, half, z), start * scale, stop * scale
+        share = _share(site, ramp, np.linspace(site.x0, site.x1, raw.shape[1]))
+        rows = LATERAL_CELLS + 1 if len(raw) == 1 else len(raw)
+        z = np.ascontiguousarray(np.broadcast_to(raw * scale * share, (rows, raw.shape[1])))
+        floor = float(z.min()) - FLOOR_GAP
+        strips = _strips(site, strip, stop * scale * float(share[-1]), floor)
+        return Ground(floor, (), strips, HeightField(site.x0, site.x1, -half, half, z))
+
+
+def _strips(site: Site, length: float, stop: float, floor: float) -> tuple[Box, ...]:
+    """Return the boxes of the flat start, at 0, and of the stop, where the floor is not at their level."""
+    spans = ((site.x0 - length, site.x0, 0.0), (site.x1, site.x1 + length, stop))
+    return tuple(flat_box(a, b, site.width, level, floor) for a, b, level in spans if level != floor)
+
+
+def _share(site: Site, ramp: float, x: Array) -> Array:
+    """Return the ratio of the heights on the ramp to those without it, at world x (m)."""
+    return np.clip((x - site.x0) / ramp, 0.0, 1.0) if ramp > 0.0 else np.ones_like(x)
+
+
+def _sticks_out(site: Site, ground: Ground, stop: float) -> bool:
+    """Return True if a solid sticks out of floor and strips along a line just outside the rough part."""
+    half, out = site.width / 2.0, 1e-5
+    x = np.linspace(site.x0 - out, site.x1 + out, cells(site.length, PROFILE_STEP) + 1)
+    y = np.linspace(-half - out, half + out, cells(site.width, PROFILE_STEP) + 1)
+    sides = ((x, -half - out, ground.floor), (x, half + out, ground.floor))
+    ends = ((site.x0 - out, y, 0.0), (site.x1 + out, y, stop))
+    return any((ground.height(a, b) > level).any() for a, b, level in (*sides, *ends))
 
 
 def _check(kind: object) -> None:

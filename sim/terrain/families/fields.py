@@ -82,10 +82,6 @@ class Iso8608(FieldFamily):
             raise InputError(f"iso8608: low ({self.low:g} 1/m) must be below high ({self.high:g} 1/m)")
 
     @property
-    def unidirectional(self) -> bool:
-        return not self.isotropic
-
-    @property
     def smallest_feature(self) -> float:
         return 0.5 / self.high
 
@@ -97,7 +93,7 @@ class Iso8608(FieldFamily):
             )
 
     def facts(self, site: Site) -> dict[str, Any]:
-        _, raw, _, _ = self.sample(site, self.grid)
+        raw, _ = self.sample(site, self.grid)
         gd = (site.amplitude / float(raw.max() - raw.min())) ** 2
         if self.isotropic:  # of the waves; a track across them has less
             return {"gd_n0_m3": gd}
@@ -110,9 +106,10 @@ class Iso8608(FieldFamily):
         size = np.sqrt(2.0 * (n / ISO_REFERENCE) ** -self.waviness * width)
         phase = site.draws.uniform(0.0, math.tau, self.waves)
         heading = site.draws.uniform(0.0, math.tau, self.waves) if self.isotropic else np.zeros(self.waves)
-        z = np.zeros(np.broadcast_shapes(x.shape, y.shape))
+        across = y if self.isotropic else np.zeros((1, 1))
+        z = np.zeros(np.broadcast_shapes(x.shape, across.shape))
         for ni, ai, pi, hi in zip(n, size, phase, heading, strict=True):
-            z += ai * np.cos(math.tau * ni * (x * math.cos(hi) + y * math.sin(hi)) + pi)
+            z += ai * np.cos(math.tau * ni * (x * math.cos(hi) + across * math.sin(hi)) + pi)
         return z
 
 

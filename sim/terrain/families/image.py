@@ -110,8 +110,6 @@ class Image(FieldFamily):
     # Three pixels, so that the grid of the image itself is what is needed.
     metres_per_pixel: Annotated[Positive, "m"] | None = param(None, "Scale", feature=3.0)
 
-    unidirectional = False
-
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "source", GreyMap.of(self.source))
@@ -142,10 +140,10 @@ class Image(FieldFamily):
     def grid(self) -> float:
         return self._pixel
 
-    def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
+    def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float]:
         """Put the darkest point at the level of the strips: no other change is made to the user's heights."""
         del site, x
-        return raw - raw.min(), 0.0, 0.0
+        return raw - raw.min(), 0.0
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
         length, width = self._size

@@ -14,7 +14,7 @@ from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.ground import STRIP_DEPTH, strip
+from wbc.sim.terrain.ground import STRIP_DEPTH, flat_box
 from wbc.sim.terrain.shapes import Box, Shape, tilted_rotation
 
 Direction = Literal["up", "down", "up_down"]
@@ -47,7 +47,7 @@ class _Climb(ShapeFamily):
 
     def _block(self, site: Site, x0: float, x1: float, level: float) -> Box:
         """Make a box as wide as the track from x0 to x1 with its top at `level` (m)."""
-        return strip(x0, x1, site.width, level, self.floor(site))
+        return flat_box(x0, x1, site.width, level, self.floor(site))
 
 
 @family("steps")
