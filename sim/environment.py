@@ -1,8 +1,4 @@
-"""A humanoid under its controller as an environment of gymnasium (extra `gymnasium`).
-
-    env = gymnasium.make("wbc.sim.environment:wbc/Walk-v0", terrain="stones", amplitude=0.02)
-    observation, info = env.reset(seed=0)
-    observation, reward, terminated, truncated, info = env.step([0.2, 0.0, 0.1])
+"""A humanoid under its controller as an environment of gymnasium (extra `gymnasium`); docs/learning.md has a program.
 
 The controller of the library keeps the balance; an action tells it what to do: a velocity in "wbc/Walk-v0", the height
 of the centre of mass and the lean and turn of the trunk in "wbc/Stand-v0", in which the robot is pushed.

@@ -17,11 +17,11 @@ from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import JointActuator, actuators, switched_off
 from wbc.sim.plant.places import RobotPlaces
 
-IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
-"""Integrators under which servos of the file act on the velocity at the end of a step."""
-
 DISCRETE = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
-"""Integrator under which they act on velocity and position at its end."""
+"""Integrator under which servos of the file act on velocity and position at the end of a step."""
+
+IMPLICIT = (DISCRETE, int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
+"""Integrators under which they act on the velocity at its end."""
 
 DRIVES = ("motor", "position", "velocity")
 """Names of the kinds of actuators; the first one of a joint takes its feed-forward."""
@@ -86,21 +86,25 @@ class JointActuators:
     - References without gains go to the servos that there are: they act with the gains of the file, and the
       feed-forward is added.
     - Everything else is a torque, computed anew in every physics step: torque control, gains that come with the
-      command, and joints that have no position servo (`ComputedServo`), for which the gains are the description's. What
-      a servo of the file adds to it (`FileServos`) is subtracted.
+      command, and joints that have no position servo (`_computed`), for which the gains are the description's. What
+      a servo of the file adds to it (`_of_file`) is subtracted.
 
     Attributes:
         servo: True for joints with a position servo in the file, shape (na,).
         kinds: Name of each joint's drive: "motor", "position", "velocity", "none" or a sum of these.
         bare: Numbers of the joints without an actuator, but for passive ones.
         applied: Torques that were put on joints without an actuator in the last step, shape (na,), Nm.
+        taken: Difference of the torques of the file's servos between the end and the beginning of the last step,
+            shape (na,), Nm: MuJoCo reports those at the beginning.
     """
 
     def __init__(self, places: RobotPlaces, description: RobotDescription) -> None:
         """Find the actuators of the robot's joints, or raise a `ModelError`."""
-        self._model, self._dof = places.model, places.joint_dof
+        self._model = model = places.model
+        self._qpos, self._dof = places.joint_qpos, places.joint_dof
         na, names, robot = len(places.joints), description.joint_names, description.robot()
         self._limits = robot.torque_lower, robot.torque_upper
+        self._gains = np.array(description.kp), np.array(description.kd)
         found = _acting(places, names)
         self._table = table = ActuatorTable.of(found)
         self._controls = [list(each.controls) for each, _ in found]
@@ -116,9 +120,12 @@ class JointActuators:
         idle = set(description.passive)  # what moves them is not a drive
         bare = [i for i, name in enumerate(names) if not kinds[i] and name not in idle]
         self.bare = np.array(bare, dtype=np.intp)
-        self.applied = np.zeros(na)
-        self._computed = ComputedServo(places, (np.array(description.kp), np.array(description.kd)))
-        self._of_file = FileServos(places, table)
+        self.applied, self.taken = np.zeros(na), np.zeros(na)
+        self._robot = np.flatnonzero(places.of_robot[model.dof_bodyid])
+        self._joints = np.searchsorted(self._robot, self._dof)
+        self._mass = np.zeros((model.nv, model.nv))
+        self._sprung = bool(table.bias[:, 1:].any())
+        self._speed = np.zeros(na)  # of the joints before the last step, rad/s
 
     def reach(self, position: Array) -> tuple[Array, Array]:
         """Return least and greatest torque at rest that the controls' ranges leave, shape (na,), Nm; inf without."""
@@ -140,8 +147,8 @@ class JointActuators:
         at_servo = self.servo if follows else self._no_servo
         torque = command.joint_torque  # of motors; beside a servo of the file that follows the feed-forward
         if position is not None and not at_servo.all():
-            torque = np.where(at_servo, torque, self._computed.torque(data, command, at_servo))
-        own = self._of_file.forces(data, at_servo[table.joint])
+            torque = np.where(at_servo, torque, self._computed(data, command, position, at_servo))
+        own = self._of_file(data, at_servo[table.joint])
         if position is not None and follows:
             there = table.own(position, np.zeros_like(position) if velocity is None else velocity)
             own = np.where(at_servo[table.joint], there, own)
@@ -163,7 +170,8 @@ class JointActuators:
 
     def begin(self, data: mujoco.MjData) -> None:
         """Take the present speeds for those before the first step."""
-        self._of_file.begin(data)
+        self._speed = data.qvel[self._dof]
+        self.taken.fill(0.0)
 
     def settle(self, data: mujoco.MjData) -> None:
         """Put actuators with a lag or a delay where their controls are, as after a long time at them."""
@@ -177,31 +185,19 @@ class JointActuators:
 
     def torque(self, data: mujoco.MjData) -> Array:
         """Return the torques of all drives in the last physics step, shape (na,), Nm."""
-        torque: Array = data.qfrc_actuator[self._dof] + self.applied + self._of_file.taken
+        torque: Array = data.qfrc_actuator[self._dof] + self.applied + self.taken
         return torque
 
+    def _computed(
+        self, data: mujoco.MjData, command: Command, position: Array, at_servo: NDArray[np.bool_]
+    ) -> Array:
+        """Return feed-forward and computed servo, shape (na,), Nm; joints at a servo of the file get none here.
 
-class ComputedServo:
-    """Servo of joints that have none in the file, or whose gains come with the command.
-
-    It acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the forces of the
-    last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two ("stable PD": Tan,
-    Liu & Turk, IEEE CG&A 31(4), 2011).
-    """
-
-    def __init__(self, places: RobotPlaces, gains: tuple[Array, Array]) -> None:
-        """Find the robot's velocities in the model; the gains are those of a command without any, shape (na,)."""
-        self._model, self._gains = places.model, gains
-        self._qpos, self._dof = places.joint_qpos, places.joint_dof
-        self._robot = np.flatnonzero(places.of_robot[self._model.dof_bodyid])
-        self._joints = np.searchsorted(self._robot, self._dof)
-        self._mass = np.zeros((self._model.nv, self._model.nv))
-
-    def torque(self, data: mujoco.MjData, command: Command, at_servo: NDArray[np.bool_]) -> Array:
-        """Return feed-forward and servo, shape (na,), Nm; joints at a servo of the file get no servo here."""
+        It acts on the position and velocity at the end of the step, as far as the robot's mass matrix and the forces of
+        the last step foretell them, so that stiff gains are stable at a physics step of a millisecond or two ("stable
+        PD": Tan, Liu & Turk, IEEE CG&A 31(4), 2011).
+        """
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
-        position = command.joint_position
-        assert position is not None
         kp, kd = command.gains(self._gains)
         kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
         velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
@@ -220,48 +216,23 @@ class ComputedServo:
         servo: Array = pull - dt * damping * acceleration
         return servo
 
-
-class FileServos:
-    """Servos of the file, which add their own force to a torque that is asked for.
-
-    Under an implicit integrator it is the force at the end of the step, foretold by the acceleration of the last step.
-
-    Attributes:
-        taken: Difference of their torques between the end and the beginning of the last step, shape (na,), Nm: MuJoCo
-            reports those at the beginning.
-    """
-
-    def __init__(self, places: RobotPlaces, table: ActuatorTable) -> None:
-        """Find out on which state the servos act."""
-        self._model, self._table = places.model, table
-        self._qpos, self._dof = places.joint_qpos, places.joint_dof
-        self._sprung = bool(table.bias[:, 1:].any())
-        self._discrete = self._model.opt.integrator == DISCRETE
-        self._at_end = self._discrete or self._model.opt.integrator in IMPLICIT
-        self._speed = np.zeros(self._dof.size)  # of the joints before the last step, rad/s
-        self.taken = np.zeros(self._dof.size)
-
-    def begin(self, data: mujoco.MjData) -> None:
-        """Take the present speeds for those before the first step."""
-        self._speed = data.qvel[self._dof]
-        self.taken.fill(0.0)
-
-    def forces(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
+    def _of_file(self, data: mujoco.MjData, held: NDArray[np.bool_]) -> Array:
         """Return the force of each actuator at a control of zero in the coming step, shape (n,).
 
-        What that changes of the torque that MuJoCo reports is `taken`, but for actuators `held` at a reference.
+        Under an implicit integrator it is the force at the end of the step, foretold by the acceleration of the last
+        step. What that changes of the torque that MuJoCo reports is `taken`, but for actuators `held` at a reference.
         """
-        table = self._table
+        table, option = self._table, self._model.opt
         if not self._sprung:
             constant: Array = table.bias[:, 0]
             return constant
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
         own = table.own(q, v)
-        if not self._at_end:
+        if option.integrator not in IMPLICIT:
             return own
         v_end = v + (v - self._speed)  # at the acceleration of the last step
         self._speed = v
-        at_end = table.own(q + self._model.opt.timestep * v_end if self._discrete else q, v_end)
+        at_end = table.own(q + option.timestep * v_end if option.integrator == DISCRETE else q, v_end)
         self.taken.fill(0.0)
         np.add.at(self.taken, table.joint, np.where(held, 0.0, table.gear * (at_end - own)))
         return at_end

@@ -230,7 +230,7 @@ class EngineLoop(Simulation):
         self._torque = self._drive(self._command)
         self._forces = [
             EnginePush(link, force, self._centre(link) if point is None else point)
-            for link, force, point in self._pushes.advance(self.timestep)
+            for link, force, point in self._push_forces()
         ]
 
     def _centre(self, link: str) -> Array:

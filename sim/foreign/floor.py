@@ -13,9 +13,6 @@ from wbc.sim.plant.places import RobotPlaces, hanging
 SKY = 1e3
 """Height from which a floor is looked for where there is none below the base, m."""
 
-AWAY = 1e4
-"""Distance at which the robot waits meanwhile, m."""
-
 USUAL_FRICTION = 0.7
 """Friction on which the contacts of a controller count by default."""
 
@@ -59,11 +56,8 @@ def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array
         place = robot.placement(sole.frame)
         points += [np.array(place.translation), *sole.corners(place)]
     hip = float(robot.placement(robot.base_frame).translation[2])
-    q = robot.half_sitting.copy()
-    q[:2] += AWAY
-    places.set_configuration(q, data.qpos)
     mujoco.mj_kinematics(model, data)
-    floor = _floor_geoms(places)
+    floor = _floor_geoms(places)  # rays pass through all else, the robot too
     heights = []
     for point in points:
         found = _first_below(model, data, point, hip, floor)

@@ -1,11 +1,4 @@
-"""A robot in somebody else's MuJoCo model, driven and measured like the plant of this library.
-
-    loop = MujocoLoop(description, model, data)
-    while loop.time < 10.0:
-        loop.step(control.command(loop.measure()))
-
-Command and measurement are those of a real robot.
-"""
+"""A robot in somebody else's MuJoCo model, driven and measured like the plant of this library."""
 
 from __future__ import annotations
 
@@ -139,11 +132,6 @@ class MujocoLoop(MujocoRobot):
         except InputError as error:
             self.notes += (f"{when}: {error}",)
             logger.warning("%s", self.notes[-1])
-
-    def _usual_start(self) -> Array:
-        q = self.robot.half_sitting.copy()
-        q[2] += self._ground
-        return q
 
     def _place(self, q: Array, v: Array | None) -> None:
         """See `Simulation`: all other objects stay as they are, and so does MuJoCo's own time in the `data`."""

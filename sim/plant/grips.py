@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,22 +22,6 @@ REACH = 0.25
 
 DEEPEST = 0.005
 """Depth of a link in a thing from which the thing goes through the robot, m."""
-
-
-class HandSensor(NamedTuple):
-    """The force sensor of a wrist."""
-
-    body: int  # carries the hand's frame; all that hangs on it is the hand
-    site: int  # at the frame
-    force: int  # first place in `sensordata`
-    torque: int
-
-    @staticmethod
-    def of(model: mujoco.MjModel, role: str) -> HandSensor:
-        """Find the sensor of a hand that `add_hand_sensors` has made."""
-        site = int(model.site(f"{role} site").id)
-        force, torque = (int(model.sensor(f"{role} {what}").adr[0]) for what in ("force", "torque"))
-        return HandSensor(int(model.site_bodyid[site]), site, force, torque)
 
 
 def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -18,7 +18,7 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.sim.plant.contacts import Contacts
-from wbc.sim.plant.grips import Grips, HandSensor
+from wbc.sim.plant.grips import Grips
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu, MujocoSignals
 from wbc.sim.simulation.machine import Machine, steps_per_tick
@@ -60,7 +60,7 @@ class MujocoRobot(Simulation):
         machine: Machine,
         imu: Imu,
         soles: Sequence[str] = (),
-        hands: Sequence[HandSensor] = (),
+        hands: Sequence[str] = (),
     ) -> None:
         """Connect the sensors; see `wbc.sim.plant.signals.MujocoSignals`."""
         self.places, self.model = places, places.model
@@ -182,9 +182,9 @@ class MujocoRobot(Simulation):
         self._sample()
 
     def _act(self) -> None:
-        if self._pushes.active or self._pushed:
+        if self._pushes or self._pushed:
             self._release_pushes()
-            for body, force, point in self._pushes.advance(self.timestep):
+            for body, force, point in self._push_forces():
                 wrench = self._pushed.setdefault(body, np.zeros(6))
                 wrench[:3] += force
                 if point is not None:

@@ -1,9 +1,5 @@
 """The plant: a humanoid on its feet on a ground, simulated by MuJoCo, with drives, sensors and pushes.
 
-    plant = Plant(load("hrp4_class"))
-    while plant.time < 10.0:
-        plant.step(control.command(plant.measure()))
-
 `Command` and `Measurement` are those of a real robot; what only a simulation knows is apart, in `truth`.
 """
 
@@ -33,7 +29,7 @@ from wbc.sim.plant.drives import Drives, Targets
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
 from wbc.sim.plant.fitting import FootDevices
-from wbc.sim.plant.grips import HandSensor, check_clear
+from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.loads import Loads
 from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -133,7 +129,7 @@ class Plant(MujocoRobot):
             visuals=visuals,
         )
         places = RobotPlaces(model, robot, feet=[built.body for built in self.feet])
-        hands = robot.frames if machine.hand_sensors or things is not None else ()
+        hands = tuple(robot.frames) if machine.hand_sensors or things is not None else ()
         super().__init__(
             description,
             robot,
@@ -144,7 +140,7 @@ class Plant(MujocoRobot):
             machine=machine,
             imu=Imu(places, "gyroscope", "accelerometer"),
             soles=[name for built in self.feet for name in (built.force_sensor, built.torque_sensor)],
-            hands=[HandSensor.of(model, role) for role in hands],
+            hands=hands,
         )
         self.of_robot = places.of_robot
         self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)

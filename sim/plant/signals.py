@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from wbc.base.numbers import Array, scalar
 from wbc.sim.plant.contacts import Contacts
-from wbc.sim.plant.grips import HandSensor
 from wbc.sim.plant.places import RobotPlaces, hanging
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.simulation.sensors import SensorVector
@@ -82,16 +81,20 @@ class MujocoSignals(SensorVector):
         machine: Machine,
         *,
         soles: Sequence[str] = (),
-        hands: Sequence[HandSensor] = (),
+        hands: Sequence[str] = (),
     ) -> None:
-        """Find the sensors; `soles` are force and torque sensor of each sole, when empty contacts are summed."""
+        """Find the sensors; `soles` are force and torque sensor of each sole, when empty contacts are summed.
+
+        `hands` are the roles of hands with the sensors of `add_hand_sensors`; all that hangs on the body of such a
+        sensor is the hand.
+        """
         super().__init__(len(places.joints), len(places.feet), machine, len(hands))
         self._places, self._imu, self._contacts, model = places, imu, contacts, places.model
         sensors: list[int] = []
         if soles:
             assert imu.accelerometer is not None and imu.accelerometer[1] is None, "not in the IMU frame"
-            firsts = [imu.accelerometer[0], *(int(model.sensor(name).adr[0]) for name in soles)]
-            firsts += [place for hand in hands for place in (hand.force, hand.torque)]
+            names = [*soles, *(f"{role} {what}" for role in hands for what in ("force", "torque"))]
+            firsts = [imu.accelerometer[0], *(int(model.sensor(name).adr[0]) for name in names)]
             sensors = [place for first in firsts for place in range(first, first + 3)]
         self._sensors = np.array(sensors, dtype=np.intp) if sensors else None
         self.of_contacts = self._sensors is None and machine.force_sensors
@@ -100,7 +103,8 @@ class MujocoSignals(SensorVector):
         self.rows = list(self.window)
         self._samples = scalar(steps)
         self._mean = np.empty(self.window.shape[1]) if hands else self._forces
-        self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in hands]
+        sites = [int(model.site(f"{role} site").id) for role in hands]
+        self._hands = [(site, *_subtree(model, int(model.site_bodyid[site]))) for site in sites]
 
     def begin(self, data: mujoco.MjData) -> None:
         """Take the forces of a state at which a run begins, after `mj_forward`, as those of a whole period."""

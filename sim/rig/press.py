@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -201,16 +200,19 @@ def _hold(rig: Rig) -> Hold:
 def _support(rig: Rig) -> SupportPolygon:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
     centres = [rig.supporting_centre(SUPPORT_LOAD)]
-    count = rig.steps(_RAMP)
+    count, every = rig.steps(_RAMP), rig.steps(_SAMPLE)
     # The servo yields under the moment of the ground, so its command goes beyond the tilt of the polygon.
     yielding = rig.weight * rig.foot.fit.sole.length / rig.test.ankle_stiffness
     ramp = (SUPPORT_TILT + yielding) * np.arange(1, count + 1) / count
     for k in range(SUPPORT_DIRECTIONS):
         twin, direction = rig.fork(), math.tau * k / SUPPORT_DIRECTIONS
-        for _ in _tilted(twin, ramp * math.sin(direction), ramp * math.cos(direction)):
-            if math.hypot(*twin.tilt) > SUPPORT_TILT:
-                break
-            centres.append(twin.supporting_centre(SUPPORT_LOAD))
+        for step, tilt in enumerate(ramp.tolist(), 1):
+            twin.set_tilt(tilt * math.sin(direction), tilt * math.cos(direction))
+            twin.step()
+            if step % every == 0:
+                if math.hypot(*twin.tilt) > SUPPORT_TILT:
+                    break
+                centres.append(twin.supporting_centre(SUPPORT_LOAD))
     points = np.array(centres)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):  # a foot that has slipped off its stone
@@ -218,16 +220,6 @@ def _support(rig: Rig) -> SupportPolygon:
     corners, area = hull_and_area(points)
     (backward, right), (forward, left) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     return SupportPolygon(SUPPORT_TILT, _rows(corners), area, forward, backward, left, right)
-
-
-def _tilted(rig: Rig, roll: Array, pitch: Array) -> Iterator[None]:
-    """Command roll and pitch of the ankle, rad, one of each in a physics step; yield where samples are taken."""
-    every = rig.steps(_SAMPLE)
-    for step, command in enumerate(zip(roll.tolist(), pitch.tolist(), strict=True), 1):
-        rig.set_tilt(*command)
-        rig.step()
-        if step % every == 0:
-            yield
 
 
 def _rows(points: Array) -> tuple[tuple[float, ...], ...]:

@@ -24,12 +24,14 @@ from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
-from wbc.sim.simulation.pushes import Pushes
 from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, SensorVector
 from wbc.tasks.stabilizer.pendulum import MIN_FORCE
 
 ANOTHER = "make another simulation"
 """Advice in place of an assignment to an attribute that a simulation is made of."""
+
+_OVER = 1e-12
+"""Remaining time at which a push is over, s."""
 
 
 class DivergedError(WbcError):
@@ -88,28 +90,12 @@ class GroundTruth:
         return np.asarray(load @ self.contact_position / load.sum())
 
 
-class DelayLine:
-    """Orders to the drives that act some physics steps after they were given."""
-
-    def __init__(self, steps: int) -> None:
-        self._delay, self._now = steps, 0
-        self._waiting: deque[tuple[int, Any]] = deque()
-
-    def clear(self) -> None:
-        """Forget all orders."""
-        self._waiting.clear()
-
-    def push(self, order: Any) -> None:
-        """Put an order in before the coming physics step; a copy, as arrays of a controller may change."""
-        self._waiting.append((self._now + self._delay, copy.deepcopy(order)))
-
-    def advance(self) -> Any:
-        """Return the newest order that is due at the coming physics step or None. Called at each step."""
-        due = None
-        while self._waiting and self._waiting[0][0] <= self._now:
-            due = self._waiting.popleft()[1]
-        self._now += 1
-        return due
+@dataclass
+class _Push:
+    body: Any  # as the engine names it
+    force: Array  # in the world, N
+    point: Array | None  # of attack in the body, m; None for its centre of mass
+    remaining: float  # s
 
 
 class Simulation(ABC):
@@ -163,9 +149,9 @@ class Simulation(ABC):
         self._signals = signals
         self._chain = SensorChain(self.noise, signals, timestep, self.steps, delay=machine.measurement_delay)
         self._age = whole_steps(machine.measurement_delay, timestep) * timestep  # of a measurement, s
-        delay = whole_steps(machine.command_delay, timestep)
-        self._late = DelayLine(delay) if delay > 0 else None
-        self._pushes = Pushes()
+        self._delay = whole_steps(machine.command_delay, timestep)
+        self._late: deque[list[Any]] = deque()  # orders that wait, each with the steps until it acts
+        self._pushes: list[_Push] = []  # those that act now
         self._posture = robot.half_sitting[7:]
         self._ground = 0.0  # height of the floor, m
         self._no_feet = np.full(len(robot.soles), np.nan)
@@ -265,7 +251,23 @@ class Simulation(ABC):
             duration: Duration, s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
         """
-        self._pushes.add(*self._carrier(body), force, duration, at)
+        carrier, frame = self._carrier(body)
+        point = None if at is None else frame.act(finite_array("point of attack (m)", at, (3,)))
+        pull = finite_array("force of the push (N)", force, (3,))
+        remaining = finite_scalar("duration of the push (s)", duration, above=0.0)
+        self._pushes.append(_Push(carrier, pull, point, remaining))
+
+    def _push_forces(self) -> list[tuple[Any, Array, Array | None]]:
+        """Return body, force (N) and point (m) of each push in the coming physics step.
+
+        A push that ends within the step acts with the share of its force that gives the same impulse.
+        """
+        forces = []
+        for push in self._pushes:
+            forces.append((push.body, min(1.0, push.remaining / self.timestep) * push.force, push.point))
+            push.remaining -= self.timestep
+        self._pushes = [push for push in self._pushes if push.remaining > _OVER]
+        return forces
 
     @abstractmethod
     def _carrier(self, name: str) -> tuple[Any, pin.SE3]:
@@ -333,8 +335,7 @@ class Simulation(ABC):
     def _begin(self) -> None:
         """Forget what was before: the state is set, and so are the drives."""
         self._pushes.clear()
-        if self._late is not None:
-            self._late.clear()
+        self._late.clear()
         self.diverged, self.ticks = None, 0
         self._measurement = self._truth = None
         self._begin_signals()
@@ -393,10 +394,17 @@ class Simulation(ABC):
     def _take(self, order: Any) -> None:
         """Take an order, which acts from now on, or after the delay of the machine."""
         self._measurement = self._truth = None
-        if self._late is None:
+        if self._delay == 0:
             self._follow(order)
         else:
-            self._late.push(order)
+            self._late.append([self._delay, copy.deepcopy(order)])  # arrays of a controller may change
+
+    def _follow_late(self) -> None:
+        """Act on the order that is due at the coming physics step."""
+        for waiting in self._late:
+            waiting[0] -= 1
+        if self._late and self._late[0][0] < 0:
+            self._follow(self._late.popleft()[1])
 
     @abstractmethod
     def _follow(self, order: Any) -> None:
@@ -445,14 +453,14 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
     first = robots[0]
     for left in range(first.steps - 1, -1, -1):
         for robot in robots:
-            if robot._late is not None and (due := robot._late.advance()) is not None:
-                robot._follow(due)
+            if robot._late:
+                robot._follow_late()
             robot._act()
         first._integrate()
         ready = left == 0
         for robot in robots:
             robot._record(left)
-            ready = ready or left in robot._chain.kept or bool(robot._pushes.active)
+            ready = ready or left in robot._chain.kept or bool(robot._pushes)
         if first.diverged is not None:
             break
         if ready:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -35,19 +34,11 @@ FRICTION_IMPEDANCE = 1000.0
 at half of its limit by 13 mm/s with a ratio of 10, by 0.13 mm/s with this one."""
 
 
-class Surface(Protocol):
-    """Property of a ground that changes the contacts of the soles while a robot moves."""
-
-    def reset(self, model: mujoco.MjModel) -> None:
-        """Write the parameters that a new model has."""
-
-    def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Correct the contacts' parameters after a step of the physics, once a control period."""
-
-
-def surfaces(model: mujoco.MjModel, feet: Sequence[FootParts], ground: Terrain) -> list[Surface]:
+def surfaces(
+    model: mujoco.MjModel, feet: Sequence[FootParts], ground: Terrain
+) -> list[SlidingFloor | GivingFloor]:
     """Return what a ground changes at the soles of a compiled model; nothing for a rigid one of one friction."""
-    found: list[Surface] = []
+    found: list[SlidingFloor | GivingFloor] = []
     if ground.gives:
         found.append(GivingFloor(model, feet, ground))
     if any(area.name in {"friction", "speed"} for area in ground.surface_areas):
@@ -67,13 +58,13 @@ class SlidingFloor:
         model.flg_surfacevel |= self._moves
 
     def reset(self, model: mujoco.MjModel) -> None:
-        """See `Surface`."""
+        """Write the parameters that a new model has."""
         model.geom_friction[self._geoms, 0] = self._usual
         if self._moves:
             model.geom_surfacevel[self._geoms, :3] = 0.0
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Give each point the friction and the speed of the areas that it is on."""
+        """Give each point the friction and the speed of the areas that it is on, once a control period."""
         places = data.geom_xpos[self._geoms]
         model.geom_friction[self._geoms, 0] = at_places(self._areas, "friction", places, self._usual)
         if self._moves:  # over a walkway a sole slides as one does whose own surface runs backwards
@@ -120,13 +111,14 @@ class GivingFloor:
         self._new = self._inverse, model.geom_solref[self._own], model.geom_solimp[self._own, :2]
 
     def reset(self, model: mujoco.MjModel) -> None:
-        """See `Surface`."""
+        """Write the parameters that a new model has."""
         self._inverse, model.geom_solref[self._own], model.geom_solimp[self._own, :2] = self._new
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Correct the parameters of the points that touch, by the rows of the step that has just been made.
 
-        A row has the regularisation R = (1 − d)/d Â / (1 + h (b + h s)/d) with the step h.
+        It is called once a control period. A row has the regularisation
+        R = (1 − d)/d Â / (1 + h (b + h s)/d) with the step h.
         """
         contact, step = data.contact, model.opt.timestep
         one, other = contact.geom.T

@@ -15,7 +15,7 @@ from wbc.base.numbers import Array
 from wbc.robots.mechanism import placed
 from wbc.sim.terrain.areas import Area
 from wbc.sim.terrain.ground import HeightField
-from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape
 from wbc.sim.terrain.spec import Terrain
 
 TERRAIN_GROUP = 2
@@ -142,8 +142,9 @@ def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:
 def _geom(spec: mujoco.MjSpec, name: str, shape: Shape, origin: Array) -> dict[str, Any]:
     """Return the geom fields of a solid in a body at `origin` (m); a pyramid adds its mesh to the model."""
     match shape:
-        case Sphere():
-            return {"type": _T.mjGEOM_SPHERE, "size": [shape.radius, 0, 0], "pos": shape.position - origin}
+        case Ellipsoid() if np.ptp(shape.semi_axes) == 0.0:
+            size = [shape.semi_axes[0], 0, 0]
+            return {"type": _T.mjGEOM_SPHERE, "size": size, "pos": shape.position - origin}
         case Ellipsoid() | Box():
             place = placed(pin.SE3(shape.rotation, shape.position - origin))
             if isinstance(shape, Box):

@@ -9,7 +9,7 @@ the ray direction +z.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,12 +38,9 @@ class Shape(ABC):
 
 
 class Quadric(Shape):
-    """A solid whose curved part is (p - c)ᵀ A (p - c) = 1, written as a quadratic in z."""
+    """A solid whose curved part is (p - c)ᵀ A (p - c) = 1 with its position c, written as a quadratic in z."""
 
-    @property
-    @abstractmethod
-    def centre(self) -> Array:
-        """Centre of the quadric, shape (3,), m."""
+    position: Array  # shape (3,), m
 
     @property
     @abstractmethod
@@ -51,37 +48,12 @@ class Quadric(Shape):
         """Symmetric matrix A, shape (3, 3), 1/m²."""
 
     def top(self, x: Array, y: Array) -> Array:
-        a, dx, dy = self.form, x - self.centre[0], y - self.centre[1]
+        a, dx, dy = self.form, x - self.position[0], y - self.position[1]
         half = a[0, 2] * dx + a[1, 2] * dy
         rest = a[0, 0] * dx * dx + 2.0 * a[0, 1] * dx * dy + a[1, 1] * dy * dy - 1.0
         discriminant = half * half - a[2, 2] * rest
         root = (np.sqrt(np.maximum(discriminant, 0.0)) - half) / a[2, 2]
-        return np.where(discriminant >= 0.0, self.centre[2] + root, _OUTSIDE)
-
-
-@dataclass(frozen=True, eq=False)
-class Sphere(Quadric):
-    """A ball."""
-
-    position: Array
-    radius: float
-
-    @property
-    def centre(self) -> Array:
-        return self.position
-
-    @cached_property
-    def form(self) -> Array:
-        return np.asarray(np.eye(3) / self.radius**2)
-
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        (x, y, _), r = self.position, self.radius
-        return (x - r, x + r, y - r, y + r)
-
-    @property
-    def peak(self) -> Array:
-        return np.asarray(self.position + np.array([0.0, 0.0, self.radius]))
+        return np.where(discriminant >= 0.0, self.position[2] + root, _OUTSIDE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +63,6 @@ class Ellipsoid(Quadric):
     position: Array
     semi_axes: Array
     rotation: Array
-
-    @property
-    def centre(self) -> Array:
-        return self.position
 
     @cached_property
     def form(self) -> Array:
@@ -116,6 +84,11 @@ class Ellipsoid(Quadric):
         return np.asarray(self.position + column / np.sqrt(column[2]))
 
 
+def ball(position: Array, radius: float) -> Ellipsoid:
+    """Make a ball from its centre, shape (3,), m, and its radius, m."""
+    return Ellipsoid(position, np.full(3, radius), np.eye(3))
+
+
 class _Rod(Quadric):
     """A capsule or a cylinder: an axis from `start` to `end` and a radius."""
 
@@ -124,7 +97,7 @@ class _Rod(Quadric):
     radius: float
 
     @property
-    def centre(self) -> Array:
+    def position(self) -> Array:  # type: ignore[override]
         return np.asarray((self.start + self.end) / 2.0)
 
     @cached_property
@@ -143,7 +116,7 @@ class _Rod(Quadric):
     def _tube(self, x: Array, y: Array) -> Array:
         """Return the top of the curved wall, m; -inf beside it or past its ends."""
         z = super().top(x, y)
-        from_centre = np.stack([x, y, np.where(np.isfinite(z), z, 0.0)], axis=-1) - self.centre
+        from_centre = np.stack([x, y, np.where(np.isfinite(z), z, 0.0)], axis=-1) - self.position
         inside = np.abs(from_centre @ self.axis) <= self.half_length
         return np.where(inside, z, _OUTSIDE)
 
@@ -157,8 +130,8 @@ class Capsule(_Rod):
     radius: float
 
     @cached_property
-    def _ends(self) -> tuple[Sphere, Sphere]:
-        return Sphere(self.start, self.radius), Sphere(self.end, self.radius)
+    def _ends(self) -> tuple[Ellipsoid, Ellipsoid]:
+        return ball(self.start, self.radius), ball(self.end, self.radius)
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -168,7 +141,7 @@ class Capsule(_Rod):
 
     @property
     def peak(self) -> Array:
-        return max((ball.peak for ball in self._ends), key=lambda p: float(p[2]))
+        return max((end.peak for end in self._ends), key=lambda p: float(p[2]))
 
     def top(self, x: Array, y: Array) -> Array:
         first, last = self._ends
@@ -299,7 +272,7 @@ _PLACES = ("position", "start", "end", "apex")
 def lowered(shape: Shape, drop: float) -> Shape:
     """Return a solid lower by a drop, m: a dataclass with its place in fields such as "position"."""
     down = np.array([0.0, 0.0, drop])
-    moved = {name: getattr(shape, name) - down for name in _PLACES if hasattr(shape, name)}
+    moved = {f.name: getattr(shape, f.name) - down for f in fields(shape) if f.name in _PLACES}  # type: ignore[arg-type]
     if isinstance(shape, Pyramid):
         moved["floor"] = shape.floor - drop
     return replace(shape, **moved)  # type: ignore[type-var]  # its subclasses are dataclasses

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -27,6 +29,9 @@ ROBOT = load("hrp4_class")
 EXACT = DepthCamera(noise=0.0, relative_noise=0.0, dropout=0.0)
 
 
+plant_of = partial(Plant, visuals=False)
+
+
 def world(cloud: PointCloud, plant: Plant) -> np.ndarray:
     robot = plant.description.robot()
     truth = plant.truth()
@@ -45,7 +50,7 @@ def after(plant: Plant, seconds: float) -> list[PointCloud]:
 
 @pytest.mark.parametrize("name", ["steps", "stones"])
 def test_a_camera_without_errors_sees_the_ground_and_nothing_of_the_robot(name: str) -> None:
-    plant = Plant(ROBOT, terrain=make_terrain(name, 0.05), eyes=[replace(EXACT, latency=0.0)])
+    plant = plant_of(ROBOT, terrain=make_terrain(name, 0.05), eyes=[replace(EXACT, latency=0.0)])
     (cloud,) = plant.clouds()
     points = world(cloud, plant)
     assert len(points) > 500
@@ -57,22 +62,20 @@ def test_a_camera_without_errors_sees_the_ground_and_nothing_of_the_robot(name: 
 
 def test_frames_come_at_their_rate_after_their_latency_with_noise_and_losses() -> None:
     camera = DepthCamera(rate=20.0, latency=0.03, dropout=0.3)
-    plant = Plant(ROBOT, eyes=[camera], seed=3)
+    plant = plant_of(ROBOT, eyes=[camera], seed=3)
     assert not plant.clouds()
-    clouds = after(plant, 0.5)
+    clouds = after(plant, 0.3)
     times = [cloud.time for cloud in clouds]
-    assert times == pytest.approx(np.arange(0.0, 0.47, 0.05))
+    assert times == pytest.approx(np.arange(0.0, 0.27, 0.05))
     count = np.array([len(cloud.points) for cloud in clouds])
     assert count.mean() == pytest.approx(0.7 * math.prod(camera.rays), rel=0.05)
     height = world(clouds[-1], plant)[:, 2]
     assert 0.001 < height.std() < 0.012
-    again = Plant(ROBOT, eyes=[camera], seed=3)
-    assert all(np.array_equal(a.points, b.points) for a, b in zip(clouds, after(again, 0.5), strict=True))
 
 
 def test_errors_of_eyes_are_drawn_anew_for_each_seed() -> None:
     camera = DepthCamera(rays=(6, 4), latency=0.0)
-    plant = Plant("hrp4_class", eyes=[camera, camera], visuals=False, seed=3)
+    plant = plant_of(ROBOT, eyes=[camera, camera], seed=3)
     found = {}
     for seed in (3, 4, 3):
         plant.reset(seed=seed)
@@ -85,7 +88,7 @@ def test_errors_of_eyes_are_drawn_anew_for_each_seed() -> None:
 
 def test_a_cloud_is_given_once() -> None:
     camera = DepthCamera(rays=(4, 3), latency=0.0, rate=100.0)
-    plant = Plant("hrp4_class", eyes=[camera, camera], visuals=False)
+    plant = plant_of(ROBOT, eyes=[camera, camera])
     assert [len(plant.clouds()) for _ in range(2)] == [2, 0]
     for _ in range(2):
         plant.step(plant.hold())
@@ -94,9 +97,9 @@ def test_a_cloud_is_given_once() -> None:
 
 def test_eyes_leave_the_other_sensors_as_they_are() -> None:
     blind, seeing = (
-        Plant(ROBOT, noise="realistic", eyes=eyes) for eyes in ((), (DepthCamera(), ToeSensors()))
+        plant_of(ROBOT, noise="realistic", eyes=eyes) for eyes in ((), (DepthCamera(), ToeSensors()))
     )
-    for _ in range(20):
+    for _ in range(10):
         blind.step(blind.hold())
         seeing.step(seeing.hold())
     assert np.array_equal(blind.measure().joint_position, seeing.measure().joint_position)
@@ -104,7 +107,7 @@ def test_eyes_leave_the_other_sensors_as_they_are() -> None:
 
 
 def test_toes_see_the_ground_under_them() -> None:
-    plant = Plant(ROBOT, foot="long_arch", eyes=[ToeSensors(noise=0.0, dropout=0.0)])
+    plant = plant_of(ROBOT, foot="long_arch", eyes=[ToeSensors(noise=0.0, dropout=0.0)])
     q = plant.on_ground(plant.robot.half_sitting)
     q[2] += 0.07
     plant.reset(q)
@@ -122,7 +125,7 @@ def test_a_camera_looks_where_it_is_turned_from_where_it_is() -> None:
     camera = replace(
         EXACT, latency=0.0, at=(0.1, 0.05, 0.2), turn=(0.0, 0.9, 0.3), view=(0.8, 0.6), rays=(9, 7)
     )
-    plant = Plant(ROBOT, eyes=[camera])
+    plant = plant_of(ROBOT, eyes=[camera])
     base = np.array(plant.base_pose[:3])
     (cloud,) = plant.clouds()
     points = world(cloud, plant)
@@ -142,10 +145,10 @@ def test_a_camera_looks_where_it_is_turned_from_where_it_is() -> None:
     )
     distances = np.sort(np.linalg.norm(rays, axis=1))
     near, far = distances[10] + 1e-6, distances[40] + 1e-6
-    (some,) = Plant(ROBOT, eyes=[replace(camera, nearest=near, furthest=far)]).clouds()
+    (some,) = plant_of(ROBOT, eyes=[replace(camera, nearest=near, furthest=far)]).clouds()
     assert len(some.points) == ((distances > near) & (distances < far)).sum() > 20
     off = np.array([0.02, -0.03, 0.04])
-    wrong = Plant(ROBOT, eyes=[replace(camera, misplaced=tuple(off.tolist()))])
+    wrong = plant_of(ROBOT, eyes=[replace(camera, misplaced=tuple(off.tolist()))])
     (shifted,) = wrong.clouds()
     np.testing.assert_allclose(world(shifted, wrong)[:, 2], -off[2], atol=1e-6)
 
@@ -153,7 +156,7 @@ def test_a_camera_looks_where_it_is_turned_from_where_it_is() -> None:
 def test_noise_of_a_camera_grows_with_the_distance() -> None:
     """Along its ray a distance d has a deviation of noise + relative_noise · d, which the cloud says."""
     camera = replace(EXACT, latency=0.0, noise=0.002, relative_noise=0.01, rate=200.0)
-    view = camera.start(Plant(ROBOT, seed=1))
+    view = camera.start(plant_of(ROBOT, seed=1))
     view.reset(1)
     clouds = [view.clouds(0.0)[0] for _ in range(150)]
     heights = np.array([cloud.points for cloud in clouds])
@@ -168,7 +171,7 @@ def test_noise_of_a_camera_grows_with_the_distance() -> None:
 
 def test_readings_of_toes_have_the_noise_losses_and_range_that_they_say() -> None:
     sensors = ToeSensors(noise=0.004, dropout=0.2, nearest=0.03, furthest=0.12)
-    plant = Plant(ROBOT, foot="long_arch", eyes=[sensors])
+    plant = plant_of(ROBOT, foot="long_arch", eyes=[sensors])
     assert plant.eyes is not None
     (view,) = plant.eyes._views
     q = plant.on_ground(plant.robot.half_sitting)
@@ -193,7 +196,7 @@ def test_readings_of_toes_have_the_noise_losses_and_range_that_they_say() -> Non
 
 def test_the_errors_of_both_toes_are_independent() -> None:
     sensor = RangeSensor(noise=0.005)
-    plant = Plant(ROBOT, foot="variable", range_sensor=sensor)
+    plant = plant_of(ROBOT, foot="variable", range_sensor=sensor)
     readings = []
     for _ in range(200):
         plant.step(plant.hold())
@@ -204,7 +207,7 @@ def test_the_errors_of_both_toes_are_independent() -> None:
 
 
 def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
-    plant = Plant(ROBOT, terrain=make_terrain("stones", 0.05))
+    plant = plant_of(ROBOT, terrain=make_terrain("stones", 0.05))
     view = DepthView(EXACT, plant.places, plant.data)
     (cloud,) = view.clouds(plant.time)
     points = world(cloud, plant)
@@ -245,7 +248,7 @@ def test_a_camera_sees_things_before_and_after_the_robot_in_a_model() -> None:
 @pytest.mark.parametrize("name", ["hrp4_class", pytest.param("g1", marks=pytest.mark.slow)])
 def test_points_on_the_robots_own_body_are_left_out_by_its_pose(name: str) -> None:
     """A sensor before the robot sees its legs and feet and, beside them, the ground."""
-    plant = Plant(load(name))
+    plant = plant_of(load(name))
     model = visible_model(plant)
     data = mujoco.MjData(model)
     data.qpos[:] = plant.data.qpos
@@ -272,7 +275,7 @@ def test_points_on_the_robots_own_body_are_left_out_by_its_pose(name: str) -> No
 
 
 def test_a_ghost_is_seen_where_it_is_not() -> None:
-    plant = Plant(ROBOT, eyes=[replace(EXACT, latency=0.0, ghost=(0.8, 0.1, 0.2, 0.05))])
+    plant = plant_of(ROBOT, eyes=[replace(EXACT, latency=0.0, ghost=(0.8, 0.1, 0.2, 0.05))])
     points = world(plant.clouds()[0], plant)
     inside = (np.abs(points[:, :2] - (0.8, 0.1)) < 0.2).all(axis=1)
     assert inside.sum() > 20
@@ -281,7 +284,7 @@ def test_a_ghost_is_seen_where_it_is_not() -> None:
 
 def test_a_camera_sees_soles_as_plates_that_stand_on_the_ground() -> None:
     """Of the sole's rectangle, 20 mm high; and nothing of what the robot is drawn with can be looked through."""
-    plant = Plant(ROBOT, foot="rigid")
+    plant = plant_of(ROBOT, foot="rigid")
     model = visible_model(plant)
     data = mujoco.MjData(model)
     data.qpos[:] = plant.data.qpos
@@ -300,7 +303,7 @@ def test_a_camera_sees_soles_as_plates_that_stand_on_the_ground() -> None:
 
 
 def test_a_raised_leg_hides_ground_from_the_camera() -> None:
-    plant = Plant(ROBOT, eyes=[replace(EXACT, latency=0.0)])
+    plant = plant_of(ROBOT, eyes=[replace(EXACT, latency=0.0)])
     (standing,) = plant.clouds()
     model, q = plant.robot.model, plant.robot.half_sitting.copy()
     for joint, angle in (("left_hip_pitch", -1.4), ("left_knee_pitch", 1.4)):
@@ -313,8 +316,8 @@ def test_a_raised_leg_hides_ground_from_the_camera() -> None:
 
 
 def test_a_camera_dies() -> None:
-    plant = Plant(ROBOT, eyes=[replace(EXACT, end=0.2)])
-    assert max(cloud.time for cloud in after(plant, 0.5)) < 0.2
+    plant = plant_of(ROBOT, eyes=[replace(EXACT, end=0.1)])
+    assert max(cloud.time for cloud in after(plant, 0.3)) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -331,7 +334,7 @@ def test_a_camera_dies() -> None:
 )
 def test_eyes_that_cannot_see_are_named(eye: object, name: str) -> None:
     with pytest.raises(InputError, match=name):
-        Plant(ROBOT, eyes=[eye])  # type: ignore[list-item]
+        plant_of(ROBOT, eyes=[eye])  # type: ignore[list-item]
 
 
 @pytest.mark.parametrize(
@@ -381,6 +384,20 @@ def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) 
     assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
 
 
+def landed(**values) -> tuple[Any, Sent, list[float]]:
+    """Result and commands of a walk, and by how much each landing came otherwise than expected, m."""
+    landings: list[float] = []
+
+    def listen(trial: WalkTrial) -> None:
+        ground = trial.control.source.ground
+        if trial.control.time == 0.0:
+            land = ground.land
+            ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
+
+    result, sent, _ = walked(listen, terrain_params={"ramp": 0.0}, **values)
+    return result, sent, landings
+
+
 @pytest.mark.slow
 def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothing() -> None:
     """Steps of 30 mm come as expected, in the mean of some walks; a dead camera changes nothing, to the bit."""
@@ -392,23 +409,10 @@ def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothin
         ("dead", {"eyes": "depth", "changes": {"camera.end": 0.0}}, (0,)),
     ):
         for seed in seeds:
-
-            def listen(trial: WalkTrial, landings=errors[name]) -> None:
-                ground = trial.control.source.ground
-                if trial.control.time == 0.0:
-                    land = ground.land
-                    ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
-
-            result, hook, _ = walked(
-                listen,
-                mode="torque",
-                foot="rigid",
-                plan=WalkPlan(distance=1.2),
-                terrain_params={"ramp": 0.0},
-                seed=seed,
-                **values,
-            )
+            plan = WalkPlan(distance=1.2)
+            result, hook, landings = landed(mode="torque", foot="rigid", plan=plan, seed=seed, **values)
             assert result.failures == 0
+            errors[name] += landings
             sent.setdefault(name, hook.commands)
     assert all(np.array_equal(a, b) for a, b in zip(sent["blind"], sent["dead"], strict=True))
     assert np.mean(errors["depth"]) < np.mean(errors["blind"])
@@ -447,27 +451,8 @@ def test_wrong_clouds_never_fail_a_tick() -> None:
 @pytest.mark.slow
 def test_feet_land_where_the_ground_is() -> None:
     """Over steps of 30 mm a walk that sees expects the height at which it lands, and comes to its goal."""
-    found: dict[str, list[float]] = {}
-    for eyes in ("none", "depth"):
-        landings: list[float] = []
-
-        def listen(trial: WalkTrial, landings=landings) -> None:
-            ground = trial.control.source.ground
-            if trial.control.time == 0.0:
-                land = ground.land
-                ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
-
-        result, _, _ = walked(listen, eyes=eyes, plan=WalkPlan(distance=1.5), terrain_params={"ramp": 0.0})
-        found[eyes] = landings
-        if eyes == "depth":
-            assert result.outcome == "completed"
-            assert result.goal_error < 0.1
-    assert np.mean(found["depth"]) < 0.5 * np.mean(found["none"])
-
-
-def test_what_is_known_is_made_with_a_robot_that_stands() -> None:
-    robot = ROBOT.robot()
-    robot.update(robot.half_sitting, np.zeros(robot.nv))
-    ground = KnownGround(robot)
-    assert ground.status == ""
-    assert ground.support(0, 0.0, 0.0, 0.0) is None
+    (_, _, blind), (result, _, seeing) = (
+        landed(eyes=eyes, plan=WalkPlan(distance=1.5)) for eyes in ("none", "depth")
+    )
+    assert result.outcome == "completed" and result.goal_error < 0.1
+    assert np.mean(seeing) < 0.5 * np.mean(blind)

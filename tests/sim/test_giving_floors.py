@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from properties import each_once
+from properties import by_default
 
 import wbc
 from wbc.base.errors import InputError
@@ -26,14 +26,26 @@ from wbc.walking.contact import GaitPhase
 STIFFNESS = 1e7
 """Stiffness of the floor, N/m³: that of loose sand."""
 
+SAND = terrain("flat", floor_stiffness=STIFFNESS)
 
-def settled(name: str, seconds: float = 1.0, **values: Any) -> Rig:
+
+def settled(
+    name: str = "flat", ground: Terrain = SAND, seconds: float = 0.4, load: float = 200.0, **values: Any
+) -> Rig:
     """A foot that has come to rest on the floor."""
-    given = {"load": 200.0, "drop": 0.0} | values
-    rig = Rig(FootTest(foot=foot(name), ground=terrain("flat", floor_stiffness=STIFFNESS), **given))
+    rig = Rig(FootTest(foot=foot(name), ground=ground, load=load, drop=0.0, **values))
     for _ in range(rig.steps(seconds)):
         rig.step()
     return rig
+
+
+def area_of(sole: Any) -> float:
+    return float(sole.length * sole.width)
+
+
+def height_of(rig: Rig) -> float:
+    """Height of the sole's centre, m."""
+    return float(rig.data.site(rig.foot.wrench_site).xpos[2])
 
 
 def depths(rig: Rig) -> tuple[Array, Array]:
@@ -43,53 +55,50 @@ def depths(rig: Rig) -> tuple[Array, Array]:
     mujoco.mj_kinematics(rig.model, start)
     sole = start.site(rig.foot.wrench_site)
     points = (start.geom_xpos[geoms] - sole.xpos) @ sole.xmat.reshape(3, 3)
-    size = rig.foot.fit.sole
-    areas = point_areas(points[:, :2], size.length * size.width)
+    areas = point_areas(points[:, :2], area_of(rig.foot.fit.sole))
     return areas, np.maximum(rig.model.geom_size[geoms, 0] - rig.data.geom_xpos[geoms, 2], 0.0)
 
 
-@pytest.mark.parametrize(("name", "load"), each_once(("flat", "rigid", "soft", "long_arch"), (50.0, 500.0)))
+@pytest.mark.parametrize("name", by_default(("flat", "rigid", "soft", "long_arch"), "long_arch"))
+@pytest.mark.parametrize("load", by_default((50.0, 500.0), 500.0))
 def test_springs_under_the_points_carry_the_weight(name: str, load: float) -> None:
-    rig = settled(name, load=load)
+    rig = settled(name, load=load, seconds=1.0)
     areas, depth = depths(rig)
     assert STIFFNESS * float(areas @ depth) == pytest.approx(rig.mass * GRAVITY, rel=0.005)
 
 
-@pytest.mark.parametrize("load", [10.0, 200.0, 600.0])
+@pytest.mark.parametrize("load", [10.0, 600.0])
 def test_a_level_sole_sinks_by_weight_over_stiffness_and_area(load: float) -> None:
-    rig = settled("flat", load=load)
-    size = rig.foot.fit.sole
-    height = rig.data.site(rig.foot.wrench_site).xpos[2]
-    assert -height == pytest.approx(rig.mass * GRAVITY / (STIFFNESS * size.length * size.width), rel=0.004)
+    rig = settled(load=load, seconds=0.7)
+    depth = rig.mass * GRAVITY / (STIFFNESS * area_of(rig.foot.fit.sole))
+    assert -height_of(rig) == pytest.approx(depth, rel=0.004)
 
 
-@pytest.mark.parametrize(("axis", "stiff"), [("roll", "width"), ("pitch", "length")])
-def test_a_sole_tilts_by_the_second_moment_of_its_area(axis: str, stiff: str) -> None:
+def test_a_sole_tilts_by_the_second_moment_of_its_area() -> None:
     """M = (k I + servo + g h² − m g h) φ with I = L W³/12 about the long axis, L³ W/12 about the short one.
 
     The ankle at the height h carries the weight, and the springs g of the guide hold it sideways.
     """
-    rig = settled("flat", load=600.0)
-    size, servo, moment = rig.foot.fit.sole, rig.test.ankle_stiffness, 0.5
-    own, other = getattr(size, stiff), size.length * size.width / getattr(size, stiff)
-    joint = rig.model.joint(axis)
-    before = float(rig.data.qpos[joint.qposadr[0]])
-    rig.data.qfrc_applied[joint.dofadr[0]] = moment
-    for _ in range(rig.steps(1.0)):
-        rig.step()
-    angle = float(rig.data.qpos[joint.qposadr[0]]) - before
-    height = float(rig.data.body("carriage").xpos[2])
-    ankle = GUIDE_STIFFNESS * height**2 - rig.mass * GRAVITY * height
-    assert moment / angle - servo - ankle == pytest.approx(STIFFNESS * other * own**3 / 12.0, rel=0.05)
+    level, moment = settled(load=600.0), 0.5
+    size, servo = level.foot.fit.sole, level.test.ankle_stiffness
+    for axis, own, other in (("roll", size.width, size.length), ("pitch", size.length, size.width)):
+        rig = level.fork()
+        joint = rig.model.joint(axis)
+        before = float(rig.data.qpos[joint.qposadr[0]])
+        rig.data.qfrc_applied[joint.dofadr[0]] = moment
+        for _ in range(rig.steps(0.5)):
+            rig.step()
+        angle = float(rig.data.qpos[joint.qposadr[0]]) - before
+        height = float(rig.data.body("carriage").xpos[2])
+        ankle = GUIDE_STIFFNESS * height**2 - rig.mass * GRAVITY * height
+        assert moment / angle - servo - ankle == pytest.approx(STIFFNESS * other * own**3 / 12.0, rel=0.05)
 
 
 def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
     """The springs on both sides of a border under a sole carry its weight together."""
     middle, soft = 1.8, STIFFNESS
-    ground = terrain("flat", floor_stiffness=2.0 * soft, areas=(0.0, middle, None, None, "stiffness", soft))
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
-    for _ in range(rig.steps(1.0)):
-        rig.step()
+    areas = (0.0, middle, None, None, "stiffness", soft)
+    rig = settled(ground=terrain("flat", floor_stiffness=2.0 * soft, areas=areas))
     geoms = [rig.model.geom(name).id for name in rig.foot.contact_geoms]
     areas, depth = depths(rig)
     x = rig.data.geom_xpos[geoms, 0]
@@ -100,30 +109,9 @@ def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
 
 @pytest.mark.parametrize("place", [-0.5, 0.5])
 def test_a_rigid_floor_gives_on_its_stretches_alone(place: float) -> None:
-    ground = terrain("flat", areas=(1.8, 5.0, None, None, "stiffness", STIFFNESS))
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
-    for _ in range(rig.steps(1.0)):
-        rig.step()
-    size = rig.foot.fit.sole
-    static = rig.mass * GRAVITY / (STIFFNESS * size.length * size.width)
-    height = float(rig.data.site(rig.foot.wrench_site).xpos[2])
-    assert -height == pytest.approx(static if place > 0.0 else 0.0, rel=0.004, abs=1e-5)
-
-
-def test_a_foot_swings_on_the_floor_as_a_damped_oscillator_does() -> None:
-    """The greatest depth of a foot that is let go is that of m z̈ + C ż + K z = 0 about the depth of rest."""
-    stiffness, damping = 2e6, 4e3
-    ground = terrain("flat", floor_stiffness=stiffness, floor_damping=damping)
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=400.0, drop=0.0))
-    size = rig.foot.fit.sole
-    k, c = (value * size.length * size.width for value in (stiffness, damping))
-    ratio = c / (2.0 * math.sqrt(k * rig.mass))
-    most = rig.mass * GRAVITY / k * (1.0 + math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)))
-    deepest = 0.0
-    for _ in range(rig.steps(0.5)):
-        rig.step()
-        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
-    assert ratio < 0.3 and deepest == pytest.approx(most, rel=0.02)
+    rig = settled(ground=terrain("flat", areas=(1.8, 5.0, None, None, "stiffness", STIFFNESS)), x=place)
+    static = rig.mass * GRAVITY / (STIFFNESS * area_of(rig.foot.fit.sole))
+    assert -height_of(rig) == pytest.approx(static if place > 0.0 else 0.0, rel=0.004, abs=1e-5)
 
 
 SPRUNG = 2e6
@@ -137,8 +125,8 @@ def bouncing(ratio: float, drop: float = 0.02) -> tuple[Rig, float]:
         ground = terrain("flat", floor_stiffness=SPRUNG, floor_damping=damping)
         return Rig(FootTest(foot=foot("flat"), ground=ground, load=10.0 * GRAVITY, drop=drop))
 
-    size, mass = rig(0.0).foot.fit.sole, rig(0.0).mass
-    area = size.length * size.width
+    bare = rig(0.0)
+    area, mass = area_of(bare.foot.fit.sole), bare.mass
     damping = 2.0 * ratio * math.sqrt(SPRUNG * area * mass) / area
     return rig(damping), damping
 
@@ -148,15 +136,13 @@ def extremes(rig: Rig, seconds: float) -> tuple[float, float]:
     deepest = fastest = 0.0
     for _ in range(rig.steps(seconds)):
         rig.step()
-        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
-        fastest = max(fastest, rig.ankle_speed)
+        deepest, fastest = max(deepest, -height_of(rig)), max(fastest, rig.ankle_speed)
     return deepest, fastest
 
 
 def bounce(rig: Rig, damping: float) -> tuple[float, float]:
     """Greatest depth, m, and speed of the rebound, m/s, of m z̈ = −m g + max(0, −K z − C ż) below the floor."""
-    size = rig.foot.fit.sole
-    area, step, height, speed = size.length * size.width, 1e-5, rig.test.drop, 0.0
+    area, step, height, speed = area_of(rig.foot.fit.sole), 1e-5, rig.test.drop, 0.0
     deepest = fastest = 0.0
     for _ in range(40_000):
         push = -area * (SPRUNG * height + damping * speed) if height < 0.0 else 0.0
@@ -166,7 +152,7 @@ def bounce(rig: Rig, damping: float) -> tuple[float, float]:
     return deepest, fastest
 
 
-@pytest.mark.parametrize("ratio", [0.05, 0.2, 0.6])
+@pytest.mark.parametrize("ratio", [0.05, 0.6])
 def test_a_foot_bounces_from_the_floor_as_from_a_spring_and_a_damper(ratio: float) -> None:
     """The depth, to 1 % and the part of the speed that the damper takes in half of a physics step: the integrator's.
 
@@ -175,23 +161,21 @@ def test_a_foot_bounces_from_the_floor_as_from_a_spring_and_a_damper(ratio: floa
     rig, damping = bouncing(ratio)
     depth, speed = bounce(rig, damping)
     deepest, fastest = extremes(rig, 0.4)
-    size = rig.foot.fit.sole
-    most = 0.01 + 0.5 * rig.test.physics.timestep * damping * size.length * size.width / rig.mass
+    most = 0.01 + 0.5 * rig.test.physics.timestep * damping * area_of(rig.foot.fit.sole) / rig.mass
     assert deepest == pytest.approx(depth, rel=most)
     fall = math.sqrt(2.0 * GRAVITY * rig.test.drop)
     assert fastest / fall == pytest.approx(speed / fall, abs=0.01)
 
 
-@pytest.mark.parametrize("ratio", [0.05, 0.2])
-def test_the_cycles_of_a_foot_are_as_long_and_lose_as_much_as_those_of_an_oscillator(ratio: float) -> None:
+def test_the_cycles_of_a_foot_are_as_long_and_lose_as_much_as_those_of_an_oscillator() -> None:
     """The period is 2 π/(ω √(1 − ζ²)), the logarithm of the ratio of two depths that follow 2 π ζ/√(1 − ζ²)."""
+    ratio = 0.1
     rig, _ = bouncing(ratio, drop=0.0)
-    size, step = rig.foot.fit.sole, rig.test.physics.timestep
-    stiffness = SPRUNG * size.length * size.width
+    stiffness, step = SPRUNG * area_of(rig.foot.fit.sole), rig.test.physics.timestep
     heights = []
     for _ in range(rig.steps(0.6)):
         rig.step()
-        heights.append(float(rig.data.site(rig.foot.wrench_site).xpos[2]) + rig.mass * GRAVITY / stiffness)
+        heights.append(height_of(rig) + rig.mass * GRAVITY / stiffness)
     inner = np.array(heights[1:-1])
     lowest = np.flatnonzero((inner < heights[:-2]) & (inner <= heights[2:]))[1:4]
     damped = math.sqrt(1.0 - ratio**2)
@@ -203,47 +187,8 @@ def test_the_cycles_of_a_foot_are_as_long_and_lose_as_much_as_those_of_an_oscill
     np.testing.assert_allclose(decrements, 2.0 * math.pi * ratio / damped, rtol=0.02)
 
 
-def in_dart(rig: Rig, damping: float, seconds: float) -> tuple[float, float, float]:
-    """The same foot in DART, on explicit springs: greatest depth, m, fastest rebound, m/s, and depth at the end, m."""
-    dart = pytest.importorskip("dartpy")
-    size, step = rig.foot.fit.sole, rig.test.physics.timestep
-    x, y = np.meshgrid([-0.5, 0.0, 0.5], [-0.5, 0.0, 0.5], indexing="ij")
-    points = np.column_stack([size.length * x.ravel(), size.width * y.ravel(), np.zeros(9)])
-    areas = point_areas(points[:, :2], size.length * size.width)
-    world, skeleton = dart.simulation.World(), dart.dynamics.Skeleton("foot")
-    world.setTimeStep(step)
-    world.setGravity([0.0, 0.0, -GRAVITY])
-    _, body = skeleton.createFreeJointAndBodyNodePair()
-    body.setInertia(dart.dynamics.Inertia(rig.mass, np.zeros(3), 0.1 * np.eye(3)))
-    world.addSkeleton(skeleton)
-    skeleton.setPositions([0.0] * 5 + [rig.test.drop])
-    deepest = fastest = height = 0.0
-    for _ in range(round(seconds / step)):
-        place = body.getWorldTransform().matrix()
-        for area, point in zip(areas, points, strict=True):
-            height = float((place[:3, :3] @ point + place[:3, 3])[2])
-            speed = float(np.ravel(body.getLinearVelocity(point))[2])
-            push = max(-area * (SPRUNG * height + damping * speed), 0.0) if height < 0.0 else 0.0
-            body.addExtForce([0.0, 0.0, push], point, False, True)
-        world.step(True)
-        height = float(skeleton.getPositions()[5])
-        deepest, fastest = max(deepest, -height), max(fastest, float(skeleton.getVelocities()[5]))
-    return deepest, fastest, -height
-
-
-def test_a_foot_bounces_and_rests_in_another_engine_as_in_this_one() -> None:
-    rig, damping = bouncing(0.2)
-    depth, speed, rest = in_dart(rig, damping, 2.0)
-    deepest, fastest = extremes(rig, 2.0)
-    size = rig.foot.fit.sole
-    theory = rig.mass * GRAVITY / (SPRUNG * size.length * size.width)
-    assert (deepest, fastest) == (pytest.approx(depth, rel=0.02), pytest.approx(speed, rel=0.02))
-    assert -float(rig.data.site(rig.foot.wrench_site).xpos[2]) == pytest.approx(theory, rel=0.004)
-    assert rest == pytest.approx(theory, rel=0.004)
-
-
 def test_a_loaded_sole_does_not_creep_under_half_of_its_friction() -> None:
-    rig = settled("flat", load=400.0)
+    rig = settled(load=400.0)
     joint = rig.model.joint("forward")
     rig.model.jnt_stiffness[joint.id] = 0.0
     rig.data.qfrc_applied[joint.dofadr[0]] = 0.5 * rig.test.foot.contact.friction * rig.mass * GRAVITY
@@ -252,7 +197,7 @@ def test_a_loaded_sole_does_not_creep_under_half_of_its_friction() -> None:
     assert abs(rig.data.qvel[joint.dofadr[0]]) < 5e-4  # m/s
 
 
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", by_default(["position", "torque"], "torque"))
 def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) -> None:
     """Servos change the metric in which the contacts are solved, and not the floor."""
     description = wbc.load_robot("g1")
@@ -261,10 +206,10 @@ def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) 
     )
     kind = wbc.PositionControl if mode == "position" else wbc.TorqueControl
     control = kind(wbc.balance_controller(description.robot(), plant.control_period))
-    while plant.time < 1.0:
+    while plant.time < 0.6:
         plant.step(control.command(plant.measure()))
     heights = [plant.sole_pose(side)[0][2] for side in (0, 1)]
-    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    area = sum(area_of(built.fit.sole) for built in plant.feet)
     weight = float(plant.model.body_mass.sum()) * GRAVITY
     assert -np.mean(heights) == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
 
@@ -276,12 +221,13 @@ def test_a_robot_sinks_into_stairs_as_into_a_floor_of_their_stiffness() -> None:
     while plant.time < 0.5:
         plant.step(plant.hold())
     depth = -np.mean([plant.sole_pose(side)[0][2] for side in (0, 1)])
-    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    area = sum(area_of(built.fit.sole) for built in plant.feet)
     weight = float(plant.model.body_subtreemass[plant.places.root]) * GRAVITY
     assert depth == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
 
 
-@pytest.mark.parametrize(("name", "stiffness"), each_once(("flat", "rigid"), (1e6, 1e7)))
+@pytest.mark.parametrize("name", by_default(("flat", "rigid"), "rigid"))
+@pytest.mark.parametrize("stiffness", by_default((1e6, 1e7), 1e6))
 def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None:
     """Its weight over stiffness and area of both soles; it then sinks as little as on a rigid floor, by its servos."""
     moved = {}
@@ -291,13 +237,13 @@ def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None
         while plant.time < 0.3:
             plant.step(plant.hold())
         moved[floor] = plant.base_pose[2] - height
-    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    area = sum(area_of(built.fit.sole) for built in plant.feet)
     depth = float(plant.model.body_mass.sum()) * GRAVITY / (stiffness * area)
     assert -start == pytest.approx(depth, rel=1e-3)
     assert moved[stiffness] == pytest.approx(moved[None], abs=0.03 * depth + 1e-4)
 
 
-@pytest.mark.parametrize("name", ["rigid", "soft"])
+@pytest.mark.parametrize("name", by_default(["rigid", "soft"], "soft"))
 def test_a_robot_on_stones_under_a_soft_layer_starts_with_its_weight_on_them(name: str) -> None:
     """Its points touch at different heights: the sum of their springs is the weight."""
     ground = terrain("stones", amplitude=0.02, seed=3, ramp=0.0, start=-1.0, floor_stiffness=3e6)
@@ -306,8 +252,7 @@ def test_a_robot_on_stones_under_a_soft_layer_starts_with_its_weight_on_them(nam
     for built in plant.feet:
         geoms = np.array([plant.model.geom(point).id for point in built.contact_geoms])
         places, sole = plant.data.geom_xpos[geoms], plant.data.site(built.wrench_site)
-        size = built.fit.sole
-        areas = point_areas(((places - sole.xpos) @ sole.xmat.reshape(3, 3))[:, :2], size.length * size.width)
+        areas = point_areas(((places - sole.xpos) @ sole.xmat.reshape(3, 3))[:, :2], area_of(built.fit.sole))
         depth = ground.height(places[:, 0], places[:, 1]) + plant.model.geom_size[geoms, 0] - places[:, 2]
         force += 3e6 * float(areas @ np.maximum(depth, 0.0))
     assert force == pytest.approx(float(plant.model.body_mass.sum()) * GRAVITY, rel=1e-6)
@@ -323,17 +268,16 @@ def test_a_robot_with_one_point_on_rigid_ground_starts_on_it() -> None:
     "area", [("speed", 0.1), ("friction", 0.1), ("stiffness", 3e6)], ids=lambda area: area[0]
 )
 def test_a_plant_begins_anew_as_at_first_on_any_area(area: tuple[str, float]) -> None:
-    plant, runs = (
-        wbc.Plant("g1", terrain=terrain("flat", areas=(0.05, None, None, None, *area)), visuals=False),
-        [],
-    )
-    for _ in range(2):
-        while plant.time < 0.1:
+    areas, runs = (0.05, None, None, None, *area), []
+    plant = wbc.Plant("g1", terrain=terrain("flat", areas=areas), visuals=False)
+    for run in range(2):
+        while plant.time < 0.05:
             plant.step(plant.hold())
         runs.append(plant.data.qpos.copy())
-        plant.push("torso", [200.0, 0.0, 0.0], 0.1)  # which lifts the heels
-        while plant.time < 0.3:
-            plant.step(plant.hold())
+        if run == 0:
+            plant.push("torso", [400.0, 0.0, 0.0], 0.1)  # which lifts the heels
+            while plant.time < 0.25:
+                plant.step(plant.hold())
         plant.reset()
     np.testing.assert_array_equal(runs[1], runs[0])
 
@@ -353,9 +297,20 @@ def test_a_floor_that_is_too_stiff_for_the_step_names_the_step_that_could() -> N
         Rig(FootTest(foot=foot("flat"), ground=terrain("flat", floor_stiffness=1e13)))
     step = float(str(refused.value).partition("step of ")[2].split()[0])
     assert 0.0 < step < 0.001
-    rig = settled("flat", seconds=0.01)
+    rig = settled(seconds=0.01)
     assert rig.model.opt.impratio == 1000.0
     assert Rig(FootTest(foot=foot("flat"))).model.opt.impratio == 10.0
+
+
+def sliding(ground: Terrain, **place: float) -> tuple[Rig, int]:
+    """A foot of 200 N at rest on a ground, that nothing but friction holds along it, and the index of its way ahead."""
+    rig = settled(ground=ground, seconds=0.0, **place)
+    for name in ("forward", "left"):
+        joint = rig.model.joint(name)
+        rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
+    for _ in range(rig.steps(0.3)):
+        rig.step()
+    return rig, int(rig.model.joint("forward").dofadr[0])
 
 
 @pytest.mark.parametrize("stiffness", [None, 1e8])
@@ -363,31 +318,13 @@ def test_a_block_slides_on_a_stretch_by_its_friction(stiffness: float | None) ->
     """On μ = 0.1 a pushed sole accelerates by (F − μ m g)/m; before the stretch it stands."""
     middle = 1.8  # of the ground, where the rig stands
     ice = (middle - 0.5, middle + 0.5, None, None, "friction", 0.1)
-    ground = terrain("flat", floor_stiffness=stiffness, areas=ice)
-    for place, moves in ((0.0, True), (1.0, False)):
-        rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
-        joint = rig.model.joint("forward")
-        rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
-        for _ in range(rig.steps(0.5)):
+    for place, gain in ((0.0, 0.2 * GRAVITY), (1.0, 0.0)):
+        rig, dof = sliding(terrain("flat", floor_stiffness=stiffness, areas=ice), x=place)
+        rig.data.qfrc_applied[dof] = 0.3 * rig.mass * GRAVITY
+        before = float(rig.data.qvel[dof])
+        for _ in range(rig.steps(0.2)):
             rig.step()
-        push = 0.3 * rig.mass * GRAVITY
-        rig.data.qfrc_applied[joint.dofadr[0]] = push
-        before, steps = float(rig.data.qvel[joint.dofadr[0]]), rig.steps(0.2)
-        for _ in range(steps):
-            rig.step()
-        gained = (float(rig.data.qvel[joint.dofadr[0]]) - before) / 0.2
-        assert gained == pytest.approx(0.2 * GRAVITY if moves else 0.0, rel=0.03, abs=0.03)
-
-
-def sliding(ground: Terrain, **place: float) -> tuple[Rig, int]:
-    """A foot of 200 N at rest on a ground, that nothing but friction holds along it, and the index of its way ahead."""
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, **place))
-    for name in ("forward", "left"):
-        joint = rig.model.joint(name)
-        rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
-    for _ in range(rig.steps(0.5)):
-        rig.step()
-    return rig, int(rig.model.joint("forward").dofadr[0])
+        assert (rig.data.qvel[dof] - before) / 0.2 == pytest.approx(gain, rel=0.03, abs=0.03)
 
 
 def way_of(rig: Rig, dof: int, speed: float, seconds: float) -> float:
@@ -397,15 +334,6 @@ def way_of(rig: Rig, dof: int, speed: float, seconds: float) -> float:
         rig.step()
     assert abs(rig.data.qvel[dof]) < 1e-3
     return float(rig.ankle[0]) - start
-
-
-@pytest.mark.parametrize("friction", [0.1, 0.3])
-def test_a_block_on_an_area_stops_after_its_energy_over_its_friction(friction: float) -> None:
-    """The way is v²/(2 μ g)."""
-    speed = 0.6
-    rig, dof = sliding(terrain("flat", areas=(None, None, None, None, "friction", friction)))
-    way = way_of(rig, dof, speed, 1.2 * speed / (friction * GRAVITY))
-    assert way == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
 
 
 def test_a_block_that_slides_into_an_area_loses_its_energy_to_both_frictions() -> None:
@@ -433,7 +361,7 @@ def test_a_block_half_on_an_area_is_slowed_by_the_frictions_under_its_points() -
     assert way_of(rig, dof, speed, 0.6) == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
 
 
-@pytest.mark.parametrize("stiffness", [None, 1e8])
+@pytest.mark.parametrize("stiffness", by_default([None, 1e8], 1e8))
 def test_a_block_on_a_walkway_slides_until_it_has_its_speed(stiffness: float | None) -> None:
     """It is as fast after v/(μ g), has slid by v²/(2 μ g) over the walkway, and stays as fast."""
     friction, speed = 0.2, 0.5
@@ -458,7 +386,7 @@ def test_a_walkway_carries_a_turned_sole_the_same_way_and_ends_at_its_border() -
     ahead, aside = rig.data.qvel[dof : dof + 2]
     assert ahead == pytest.approx(0.3 * math.cos(turn), abs=3e-4)
     assert aside == pytest.approx(-0.3 * math.sin(turn), abs=3e-4)
-    for _ in range(rig.steps(2.0)):
+    for _ in range(rig.steps(2.2)):
         rig.step()
     assert np.abs(rig.data.qvel[dof : dof + 2]).max() < 1e-3 and 1.7 < rig.ankle[0] < 2.1
 
@@ -478,30 +406,14 @@ def test_areas_beyond_the_end_of_a_ground_are_refused_and_a_level_floor_has_no_e
 def test_areas_of_several_properties_and_of_one_value_may_overlap_and_damping_is_theirs() -> None:
     """The damping of an area is a hundredth of a second times its stiffness, or that of an area of damping."""
     inner = (1.2, 1.8, -0.1, 0.1)
-    ground = terrain(
-        "flat",
-        areas=(
-            *AREA,
-            "stiffness",
-            1e7,
-            *inner,
-            "damping",
-            3e4,
-            *AREA,
-            "friction",
-            0.4,
-            *inner,
-            "friction",
-            0.4,
-        ),
-    )
+    soft = (*AREA, "stiffness", 1e7, *inner, "damping", 3e4)
+    ground = terrain("flat", areas=(*soft, *AREA, "friction", 0.4, *inner, "friction", 0.4))
     assert ground.gives and [str(area) for area in ground.surface_areas][1] == "damping 30000 Ns/m³"
     places = np.array([(1.1, 0.0), (1.5, 0.0), (2.5, 0.0), (1.5, 0.15)])
     areas = ground.surface_areas
     np.testing.assert_allclose(at_places(areas, "stiffness", places, 0.0), [1e7, 1e7, 0.0, 1e7])
-    np.testing.assert_allclose(
-        at_places(areas, "damping", places, [1.0, 2.0, 3.0, 4.0]), [1.0, 3e4, 3.0, 4.0]
-    )
+    own = [1.0, 2.0, 3.0, 4.0]
+    np.testing.assert_allclose(at_places(areas, "damping", places, own), [1.0, 3e4, 3.0, 4.0])
     np.testing.assert_allclose(at_places(areas, "friction", places, 0.8), [0.4, 0.4, 0.8, 0.4])
 
 

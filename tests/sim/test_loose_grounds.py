@@ -67,39 +67,15 @@ def test_pebbles_lie_where_they_begin_beside_each_other_and_weigh_what_ellipsoid
     assert np.abs(data.qpos - start).max() < 1e-4
 
 
-def test_pebbles_that_sleep_are_woken_by_what_touches_them_and_move_as_those_awake() -> None:
-    """They wake a step after the touch, so that their ways differ by that of a step."""
-    scene, ways = stones(seed=3, count=60, length=0.5, width=0.4, **PEBBLES), []
-    for sleeping in (False, True):
-        model, data = alone(scene)
-        if sleeping:
-            model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-            mujoco.mj_resetData(model, data)
-        for _ in range(100):
-            mujoco.mj_step(model, data)
-        rest = data.qpos.copy()
-        asleep = int((data.tree_asleep >= 0).sum())
-        assert asleep == (60 if sleeping else 0)
-        data.xfrc_applied[1, :3] = (0.3, 0.1, 0.0)
-        for _ in range(60):
-            mujoco.mj_step(model, data)
-        moved = np.linalg.norm((data.qpos - rest).reshape(-1, 7)[:, :3], axis=1)
-        assert np.count_nonzero(moved > 1e-3) > 1, "it has pushed another one"
-        ways.append(moved)
-        a_step = np.linalg.norm(data.qvel[:3]) * model.opt.timestep
-    np.testing.assert_allclose(ways[1], ways[0], atol=a_step)
-
-
-@pytest.mark.parametrize("count", [30, 120])
+@pytest.mark.parametrize("count", [MANY_THINGS - 10, MANY_THINGS + 1])
 def test_a_robot_stands_alike_whether_the_stones_around_it_sleep(count: int) -> None:
     scene = stones(seed=3, count=count, **PEBBLES)
-    plant = wbc.Plant("g1", scene=scene, visuals=False)
-    many = count > MANY_THINGS
-    heights = []
+    plant = wbc.Plant("hrp4_class", scene=scene, visuals=False)
+    many, heights = count > MANY_THINGS, []
     for flag in (plant.model.opt.enableflags, 0):
         plant.model.opt.enableflags = flag
         plant.reset()
-        for _ in range(20):
+        for _ in range(5):
             plant.step(plant.hold())
         heights.append(plant.com_height)
         asleep = int((plant.data.tree_asleep >= 0).sum())
@@ -180,37 +156,6 @@ def test_a_plank_sinks_in_its_middle_by_force_times_length_squared_over_stiffnes
     ]
     assert depth == pytest.approx([force * length**2 / (8.0 * stiffness)] * 2, rel=0.02)
     assert model.body_mass[1:].sum() == pytest.approx(4.0)
-
-
-def test_a_kick_keeps_the_momentum_and_its_work_is_the_energy_of_a_stone() -> None:
-    """In the air, without friction: an impulse J at a point gives m v = J and the angular momentum r × J."""
-    model, data = alone(stones(seed=3, count=1))
-    data.qpos[2] = 1.0
-    model.opt.gravity[:] = 0.0
-    mujoco.mj_forward(model, data)
-    body, push, steps = 1, np.array([30.0, -12.0, 8.0]), 20
-    arm = np.array([0.03, 0.02, 0.004])
-    start = data.qvel.copy()
-    work = 0.0
-    momentum, spin = np.zeros(3), np.zeros(3)
-    for _ in range(steps):
-        mujoco.mj_forward(model, data)
-        point = data.xipos[body] + arm
-        data.qfrc_applied[:] = 0.0
-        mujoco.mj_applyFT(model, data, push, np.zeros(3), point, body, data.qfrc_applied)
-        power = data.qfrc_applied.copy()
-        before = data.qvel.copy()
-        mujoco.mj_step(model, data)
-        work += float(power @ (0.5 * (before + data.qvel))) * model.opt.timestep
-        momentum += push * model.opt.timestep
-        spin += np.cross(arm, push) * model.opt.timestep
-    mujoco.mj_forward(model, data)
-    mujoco.mj_subtreeVel(model, data)
-    assert not start.any()
-    np.testing.assert_allclose(model.body_mass[body] * data.subtree_linvel[body], momentum, rtol=1e-6)
-    np.testing.assert_allclose(data.subtree_angmom[body], spin, rtol=0.02)
-    mujoco.mj_energyVel(model, data)
-    assert data.energy[1] == pytest.approx(work, rel=0.02)
 
 
 def test_sensors_see_what_the_robot_walks_on_and_no_furniture() -> None:

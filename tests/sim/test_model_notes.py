@@ -79,8 +79,9 @@ def test_a_sensor_is_told_by_how_late_how_seldom_and_how_far_it_reads(what: str,
     )
 
 
-@pytest.mark.parametrize("corner", [(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
-@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize(
+    ("side", "corner"), [(0, (0, 0)), (0, (1, 1)), (1, (1, -1)), (0, (-1, 1)), (1, (-1, -1))]
+)
 def test_a_step_under_any_corner_of_a_sole_is_found(side: int, corner: tuple[int, int]) -> None:
     """Of 20 mm, and 10 mm wide: nothing but the ray below this corner meets it."""
     robot = DESCRIPTION.robot()

@@ -99,7 +99,7 @@ def test_divergence_is_recorded_refused_and_undone(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("effort", ["1000000", "1e9", "inf", "0"])
+@pytest.mark.parametrize("effort", ["1e9", "0"])
 def test_a_torque_limit_that_stands_for_none_is_derived_and_doubted(effort: str) -> None:
     text = re.sub(r'effort="[^"]+"', f'effort="{effort}"', BIPED, count=1)
     robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
@@ -122,11 +122,9 @@ def test_a_plant_takes_the_name_of_a_robot_and_refuses_a_quaternion_that_is_none
     np.testing.assert_array_equal(plant.data.qpos, before)
 
 
-@pytest.mark.parametrize(("plant_period", "control_period"), [(0.002, 0.005), (0.005, 0.002), (0.004, 0.006)])
-def test_a_control_made_for_another_period_is_refused_before_anything_moves(
-    plant_period: float, control_period: float
-) -> None:
+def test_a_control_made_for_another_period_is_refused_before_anything_moves() -> None:
     """The commands of a control know its period; a trial compares both when it is made."""
+    plant_period, control_period = 0.004, 0.006
     plant = Plant(load("hrp4_class"), control_period=plant_period, visuals=False)
     robot = plant.description.robot()
     control = PositionControl(balance_controller(robot, control_period))
@@ -138,12 +136,3 @@ def test_a_control_made_for_another_period_is_refused_before_anything_moves(
     walking = WalkingControl(robot, FootstepPlan.standing(robot), control_period)
     with pytest.raises(InputError, match=periods):
         Trial(plant, walking)
-
-
-def test_a_command_for_several_periods_of_a_plant_is_taken() -> None:
-    plant = Plant(load("hrp4_class"), control_period=0.002, visuals=False)
-    command = PositionControl(balance_controller(plant.description.robot(), 0.004)).command(plant.measure())
-    assert command.period == 0.004 and command.copy().period == 0.004
-    for _ in range(2):
-        plant.step(command)
-    assert plant.time == pytest.approx(0.004)

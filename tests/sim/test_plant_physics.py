@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ import pinocchio as pin
 import pytest
 from properties import by_default
 
-from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.feet.soles.build_mjcf import VISUAL_GROUP
@@ -27,12 +26,12 @@ from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.terrain.render import FLOOR
 from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 IN_SPACE = PhysicsSettings(gravity=0.0)
+A_BOX = '<mujoco><worldbody><geom type="box" size="0.1 0.1 0.1" pos="3 0 0.1"/></worldbody></mujoco>'
 EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
 
 
@@ -110,12 +109,11 @@ def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: 
         for value in (True, False)
     )
     sole = few.feet[0].fit.sole
-    for plant in (few, all_of_them):
-        command = plant.hold()
-        for _ in range(300):
-            plant.step(command)
     places = []
     for plant in (few, all_of_them):
+        command = plant.hold()
+        for _ in range(150):
+            plant.step(command)
         truth = plant.truth()
         mine = truth.contact_sole == 0
         place, rotation = plant.data.site_xpos[plant.sole_sites[0]], plant.data.site_xmat[plant.sole_sites[0]]
@@ -166,9 +164,9 @@ def test_reset_puts_the_soles_on_rough_ground() -> None:
     assert -2e-3 < min(gap.min() for gap in gaps) < 2e-3
 
 
-@pytest.mark.parametrize("duration", [0.02, 0.0123, 0.0004])
-def test_a_push_gives_its_impulse(duration: float) -> None:
+def test_a_push_gives_its_impulse() -> None:
     """Floating in space, the momentum after pushes is their impulse, for any duration and several at a time."""
+    duration = 0.0123
     plant = Plant(load("hrp4_class"), physics=IN_SPACE, foot=FEW_SPHERES, visuals=False)
     q, _ = state_in_the_air(plant, np.random.default_rng(3), 0.0)
     plant.reset(q)
@@ -185,14 +183,8 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
 
 def test_a_push_acts_where_it_is_told() -> None:
     """About the point of attack the angular momentum stays zero; about the centre of mass it is r × F t."""
-    plant = Plant(
-        load("hrp4_class"),
-        physics=IN_SPACE,
-        timestep=1e-4,
-        control_period=1e-4,
-        foot=FEW_SPHERES,
-        visuals=False,
-    )
+    fine = {"physics": IN_SPACE, "timestep": 1e-4, "control_period": 1e-4}
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, visuals=False, **fine)
     robot = plant.robot
     frame, at, force = robot.soles[0].frame, np.array([0.05, 0.02, 0.0]), np.array([5.0, 7.0, -3.0])
     q, _ = state_in_the_air(plant, np.random.default_rng(4), 0.0)
@@ -288,7 +280,7 @@ def test_control_period_changes_nothing_but_the_rhythm() -> None:
     fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES, visuals=False)
     slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES, visuals=False)
     assert (fast.steps, slow.steps) == (1, 5)
-    for tick in range(1, 101):
+    for tick in range(1, 51):
         fast.step(fast.hold())
         if tick % 5 == 0:
             slow.step(slow.hold())
@@ -361,10 +353,7 @@ def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
     mujoco.mj_forward(model, data)
     robot.update(robot.half_sitting, np.zeros(robot.nv))
     joints = [robot.data.oMi[j].translation for j in range(1, robot.model.njoints)]
-    thickness, seen = (
-        0.03 * float(robot.com[2]),
-        {kinds.mjGEOM_CYLINDER: 0, kinds.mjGEOM_SPHERE: 0, kinds.mjGEOM_BOX: 0},
-    )
+    thickness, seen = 0.03 * float(robot.com[2]), Counter[mujoco.mjtGeom]()
     for i in np.flatnonzero(model.geom_group == VISUAL_GROUP):
         kind, size, place = kinds(model.geom_type[i]), model.geom_size[i], data.geom_xpos[i]
         seen[kind] += 1
@@ -386,18 +375,6 @@ def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
             assert place[2] - size[2] == pytest.approx(robot.placement(sole.frame).translation[2], abs=1e-6)
     assert seen[kinds.mjGEOM_BOX] == 2 and seen[kinds.mjGEOM_SPHERE] == robot.model.njoints - 1
     assert seen[kinds.mjGEOM_CYLINDER] >= 15
-
-
-def test_a_stage_has_a_lamp_that_shines_down_from_beside_the_robot_and_tiles_on_its_floor() -> None:
-    description = load("hrp4_class")
-    model = drawing_model(description, description.robot(), terrain("flat"))
-    assert model.nlight == 1 and model.light_pos[0].tolist() == [0.0, -3.0, 6.0]
-    down = model.light_dir[0] / np.linalg.norm(model.light_dir[0])
-    assert down[2] < -0.9 and down[1] > 0.3 and model.light_castshadow[0]
-    assert model.mat(int(model.geom(FLOOR).matid[0])).name == "tiles"
-    light = model.vis.headlight
-    assert (light.ambient + light.diffuse + model.light_diffuse[0]).tolist() == pytest.approx([1.25] * 3)
-    assert (model.geom_rgba[:, 3] > 0.0).all() and model.vis.map.zfar == 40.0
 
 
 def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_sticks() -> None:
@@ -453,36 +430,10 @@ def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_stick
             np.testing.assert_allclose(model.geom_pos[i], place, atol=1e-9)
 
 
-@pytest.mark.parametrize("angle", [0.5, 0.65, 178.0])
-def test_an_axis_or_a_place_of_a_joint_that_differs_is_refused_from_a_bound_on(angle: float) -> None:
-    """Axes by 0.57°, places by 2 mm; one that turns the other way as well."""
-    robot = load("hrp4_class").robot()
-    for what in ("axis", "place", "reversed"):
-        model = Plant(load("hrp4_class"), visuals=False).model
-        joint = int(model.joint("left_elbow_pitch").id)
-        axis = model.jnt_axis[joint].copy()
-        if what == "axis":
-            across = np.cross(axis, [0.6, 0.0, 0.8])
-            turn = pin.exp3(math.radians(angle) * across / np.linalg.norm(across))
-            model.jnt_axis[joint] = turn @ axis
-            refused = angle > 0.573
-        elif what == "place":
-            model.jnt_pos[joint] += 2e-3 * (1.01 if angle > 0.6 else 0.99) * np.cross(axis, [0.6, 0.0, 0.8])
-            refused = angle > 0.6
-        else:
-            model.jnt_axis[joint], refused = -axis, True
-        if refused:
-            with pytest.raises(ModelError):
-                RobotPlaces(model, robot)
-        else:
-            RobotPlaces(model, robot)
-
-
 def test_all_links_but_the_feet_touch_things() -> None:
     """The soles touch by themselves."""
-    scene = '<mujoco><worldbody><geom type="box" size="0.1 0.1 0.1" pos="3 0 0.1"/></worldbody></mujoco>'
     description = load("hrp4_class")
-    plant = Plant(description, scene=scene, visuals=False)
+    plant = Plant(description, scene=A_BOX, visuals=False)
     model = plant.model
     shaped = {
         model.body(int(model.geom_bodyid[i])).name for i in np.flatnonzero(model.geom_group == SHAPE_GROUP)
@@ -498,9 +449,8 @@ def test_all_links_but_the_feet_touch_things() -> None:
 
 def test_shins_of_a_robot_whose_ankles_are_bent_stay_off_the_ground() -> None:
     """Those of g1 end 50 mm over its soles, within 22 mm where they lean by 0.85 rad; the box about them is longer."""
-    scene = '<mujoco><worldbody><geom type="box" size="0.1 0.1 0.1" pos="3 0 0.1"/></worldbody></mujoco>'
     description = load("g1")
-    plant, robot = Plant(description, scene=scene, visuals=False), description.robot()
+    plant, robot = Plant(description, scene=A_BOX, visuals=False), description.robot()
     q = np.array(robot.half_sitting)
     for side in ("left", "right"):
         for joint, angle in (("hip_pitch", -0.75), ("knee", 1.6), ("ankle_pitch", -0.85)):

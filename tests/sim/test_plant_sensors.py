@@ -110,7 +110,7 @@ def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
     """The force sensor (internal forces of the tree) against the sum over contact points, while swaying."""
     plant = Plant(load(name), foot=FEW_SPHERES, control_period=0.001, visuals=False)
     loads = []
-    for tick in range(100):
+    for tick in range(60):
         plant.step(swaying(plant, tick))
         measured, truth = plant.measure().sole_wrench, plant.truth()
         np.testing.assert_allclose(measured, truth.sole_wrench, atol=1e-6 * np.abs(measured).max())
@@ -122,7 +122,7 @@ def test_forces_are_means_over_the_control_period() -> None:
     """A plant that samples five times as often, averaged; and impulse is change of momentum with nothing missing."""
     slow = Plant(load("g1"), foot=FEW_SPHERES, visuals=False)
     fast = Plant(load("g1"), foot=FEW_SPHERES, control_period=0.001, visuals=False)
-    for tick in range(20):
+    for tick in range(10):
         command, wrenches, accelerations = swaying(slow, tick), [], []
         slow.step(command)
         for _ in range(5):
@@ -155,17 +155,15 @@ def run(plant: Plant, ticks: int, *, look: bool = False) -> Array:
 
 
 def test_one_seed_repeats_everything_bit_for_bit() -> None:
-    first = Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False)
-    once = run(first, 40)
-    again = run(Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False), 40, look=True)
-    assert once.tobytes() == again.tobytes()
-    first.reset()
-    assert once.tobytes() == run(first, 40).tobytes()
-    first.reset(seed=8)
-    other = run(first, 40)
+    plant = Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False)
+    once = run(plant, 15)
+    plant.reset(seed=8)
+    other = run(plant, 15, look=True)
     assert not np.array_equal(once[0, -30:], other[0, -30:])
-    first.reset(seed=7)
-    assert once.tobytes() == run(first, 40).tobytes()
+    plant.reset(seed=7)
+    assert once.tobytes() == run(plant, 15, look=True).tobytes()
+    again = Plant(load("hrp4_class"), noise="realistic", seed=7, visuals=False)
+    assert once.tobytes() == run(again, 15).tobytes()
 
 
 def test_noise_has_the_statistics_it_was_given() -> None:
@@ -267,16 +265,16 @@ AGES = {
 }
 """Ages of signals, none of which is fresh, physics steps; a control period has five."""
 
+LATER = AGES | {"joint_velocity": 7, "sole_wrench": 12}
+
 
 @pytest.mark.parametrize(
     ("ages", "rounded_down"),
     [
-        pytest.param({"joint_position": 3}, 0.0, marks=pytest.mark.slow),
         ({"joint_position": 3, "sole_wrench": 3}, 0.0009),
-        ({"joint_position": 0}, 0.0),
-        ({"sole_wrench": 12}, 0.0),
+        (LATER, 0.0),
+        pytest.param({"joint_position": 0}, 0.0, marks=pytest.mark.slow),
         pytest.param(AGES, 0.0, marks=pytest.mark.slow),  # the youngest readings are not even sampled
-        (AGES | {"joint_velocity": 7}, 0.0),
     ],
 )
 def test_latency_shows_the_past(ages: dict[str, int], rounded_down: float) -> None:
@@ -308,7 +306,7 @@ def test_latency_shows_the_past(ages: dict[str, int], rounded_down: float) -> No
         assert measured.time == pytest.approx(0.005 * (tick + 1))
 
 
-@pytest.mark.parametrize("delay", [0.005, 0.007, 0.013])
+@pytest.mark.parametrize("delay", [0.005, 0.013])
 def test_a_delay_of_commands_delays_the_soles_as_it_delays_the_joints(delay: float) -> None:
     """At ten decades a second the stiffness has gone from 5 to 60 Nm/rad, 1.08 decades, 0.108 s after the delay."""
     foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(10.0, 0.0))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -35,9 +37,14 @@ class Wire:
         self.sent.append(measurement)
 
 
+@cache
+def plain() -> mujoco.MjModel:
+    return Plant(DESCRIPTION, visuals=False).model
+
+
 @pytest.fixture
 def loop() -> MujocoLoop:
-    return MujocoLoop(DESCRIPTION, Plant(DESCRIPTION, visuals=False).model, control_period=0.005)
+    return MujocoLoop(DESCRIPTION, copy.copy(plain()), control_period=0.005)
 
 
 def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(loop: MujocoLoop) -> None:
@@ -59,8 +66,7 @@ def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(loop: Muj
 
 
 @pytest.mark.parametrize(
-    ("time", "lowered", "share"),
-    [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.5, 0.025, 1.0), (2.5, 0.05, 0.5), (3.01, 0.0, 0.0)],
+    ("time", "lowered", "share"), [(1.0, 0.0, 1.0), (1.5, 0.025, 1.0), (2.5, 0.05, 0.5), (3.01, 0.0, 0.0)]
 )
 def test_the_band_is_a_damped_spring_that_is_let_down_in_a_second_and_fades_in_another(
     loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch, time: float, lowered: float, share: float

@@ -33,10 +33,10 @@ def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) ->
 
 def test_no_seed_gives_a_robot_the_sensor_errors_of_another() -> None:
     found = set()
-    for seed in range(3):
+    for seed in range(2):
         plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, noise="realistic", seed=seed)
         found |= {m.joint_position.tobytes() for m in plant.measure().values()}
-    assert len(found) == 6
+    assert len(found) == 4
 
 
 def test_shapes_of_robots_touch_things_and_each_other_and_not_their_own() -> None:
@@ -60,8 +60,8 @@ def test_shapes_of_robots_touch_things_and_each_other_and_not_their_own() -> Non
             assert {touch(a, b) for a in mine for b in theirs} == {one != other}
 
 
-@pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi, -2.0])
-def test_points_of_a_robots_world_are_turned_and_moved_to_its_place(heading: float) -> None:
+def test_points_of_a_robots_world_are_turned_and_moved_to_its_place() -> None:
+    heading = -2.0
     plant = SharedPlant({"one": G1}, places={"one": (1.0, -2.0, heading)})
     c, s = np.cos(heading), np.sin(heading)
     np.testing.assert_allclose(
@@ -92,16 +92,17 @@ def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> N
 def test_robots_begin_again_where_they_began() -> None:
     plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}, noise="realistic")
     first = plant.data.qpos.copy()
-    run(plant, 0.1)
+    run(plant, 0.03)
     after = plant.data.qpos.copy()
     plant.reset()
     np.testing.assert_array_equal(plant.data.qpos, first)
-    run(plant, 0.1)
+    run(plant, 0.03)
     np.testing.assert_array_equal(plant.data.qpos, after)
 
 
-def test_no_robot_takes_a_step_or_begins_anew_alone() -> None:
-    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART)
+def test_robots_that_stand_clear_are_not_noted_and_none_takes_a_step_or_begins_anew_alone() -> None:
+    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, scene=WALL)
+    assert not [note for loop in plant.loops.values() for note in loop.notes if "inside" in note]
     run(plant, 0.01)
     before, loop = plant.data.qpos.copy(), plant.loops["two"]
     for act in (lambda: loop.step(loop.hold()), loop.reset):
@@ -109,6 +110,8 @@ def test_no_robot_takes_a_step_or_begins_anew_alone() -> None:
             act()
     assert plant.time == pytest.approx(0.01) and loop.time == pytest.approx(0.01)
     np.testing.assert_array_equal(plant.data.qpos, before)
+    with pytest.raises(InputError, match="inside"):
+        SharedPlant({"one": HRP4, "two": HRP4}, places={"two": (0.05, 0.0, 0.0)}, scene=WALL)
 
 
 @pytest.mark.slow
@@ -125,14 +128,7 @@ def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
 
 def test_a_loop_that_begins_inside_the_ground_says_so(caplog: pytest.LogCaptureFixture) -> None:
     """Data that nobody has reset: all robots are at the origin, their feet below the ground."""
-    model = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}).model
+    model = SharedPlant({"one": HRP4, "two": HRP4}, places=APART).model
     assert not caplog.records
     loop = MujocoLoop(HRP4, model, mujoco.MjData(model), prefix="one/")
     assert "inside the ground" in loop.notes[-1] and "inside the ground" in caplog.text
-
-
-def test_robots_that_stand_clear_of_each_other_are_not_noted_as_being_in_each_other() -> None:
-    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, scene=WALL)
-    assert not [note for loop in plant.loops.values() for note in loop.notes if "inside" in note]
-    with pytest.raises(InputError, match="inside"):
-        SharedPlant({"one": HRP4, "two": HRP4}, places={"two": (0.05, 0.0, 0.0)}, scene=WALL)

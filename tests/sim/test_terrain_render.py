@@ -1,6 +1,5 @@
 """Grounds in MuJoCo: rays and contacts meet the surface that the height query describes."""
 
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -15,8 +14,8 @@ from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain import plot
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.plot import _draw_map, _number, example_terrain, plot_families, plot_terrain
-from wbc.sim.terrain.render import TERRAIN_GROUP, _colour, _geom, add_to_spec
-from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere, lowered
+from wbc.sim.terrain.render import TERRAIN_GROUP, _geom, add_to_spec
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, ball, lowered
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n != "image"]
@@ -89,7 +88,7 @@ def _solids(seed: int) -> list[Shape]:
     a, b, c = rng.uniform(0.02, 0.2, 3)
     half = turn @ [0.0, b, 0.0]
     return [
-        Sphere(place, a),
+        ball(place, a),
         Ellipsoid(place, np.array([a, b, c]), turn),
         Capsule(place - half, place + half, c),
         Cylinder(place - half, place + half, c),
@@ -98,7 +97,7 @@ def _solids(seed: int) -> list[Shape]:
     ]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_solid_is_as_high_and_as_wide_as_mujoco_has_it(seed: int) -> None:
     """Top by vertical rays; footprint and peak are those of the densest grid of tops; lowered it is all that lower."""
     for shape in _solids(seed):
@@ -147,15 +146,7 @@ def test_solids_of_a_tenth_of_a_metre_of_track_share_a_body() -> None:
         assert model.body_pos[body] == pytest.approx([mine[0], 0.0, 0.0])
 
 
-def test_colours_of_solids_show_their_heights() -> None:
-    """The darkest lies on the floor, the lightest is as high as the ground; halfway up a quarter of the light is on."""
-    low, high = (_colour(Sphere(np.array([0.0, 0.0, z]), 0.01), 0.0, 0.04) for z in (-0.01, 0.03))
-    middle = _colour(Sphere(np.array([0.0, 0.0, 0.01]), 0.01), 0.0, 0.04)
-    np.testing.assert_allclose(middle[:3], np.array(low[:3]) + 0.25 * np.subtract(high, low)[:3])
-    assert low[3] == high[3] == 1.0 and np.greater(high[:3], low[:3]).all()
-
-
-@pytest.mark.parametrize("name", ["random", "iso8608", "metal_sheets"])
+@pytest.mark.parametrize("name", ["random", "iso8608"])
 def test_rays_a_micrometre_beside_grid_lines_are_not_lost(name: str) -> None:
     t = terrain(name, seed=2)
     field = t.surface.field
@@ -173,7 +164,7 @@ def test_contacts_lie_on_the_surface(name: str) -> None:
     t = BY_NAME[name]
     radius, depth = 0.002, 1e-4
     rng = np.random.default_rng(3)
-    x, y = rng.uniform(t.start, t.stop, 150), rng.uniform(-t.width / 2 + 0.01, t.width / 2 - 0.01, 150)
+    x, y = rng.uniform(t.start, t.stop, 80), rng.uniform(-t.width / 2 + 0.01, t.width / 2 - 0.01, 80)
     spec = mujoco.MjSpec()
     add_to_spec(spec, t)
     ball = spec.worldbody.add_body(name="ball")
@@ -215,13 +206,6 @@ def test_a_map_shows_the_height_at_the_middle_of_each_of_its_pixels() -> None:
     ]
 
 
-def test_families_are_drawn_each_once_and_a_ground_with_its_profile(tmp_path: Path) -> None:
-    plot_terrain(terrain("steps", 0.06, direction="up"), tmp_path / "ground.svg")
-    assert (tmp_path / "ground.svg").stat().st_size > 10_000
-    for name in terrain_families():
-        assert example_terrain(name).name == name and example_terrain(name).amplitude >= 0.0
-
-
 def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Heights in mm along y = 0 from strip to strip; of each family the first two metres, four side by side."""
     drawn: list[Any] = []
@@ -241,6 +225,7 @@ def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch
     for name, unit, value in zip(PARAMETERS, UNITS, ground.roughness().values, strict=True):
         assert _number(name, unit, value) in title
     names = list(terrain_families())
+    assert [example_terrain(name).name for name in names] == names
     monkeypatch.setattr(plot, "terrain_families", lambda: dict.fromkeys(names[:5]))
     assert plot_families("all.svg") == 5
     axes = drawn[1].axes[:8]  # then those of the scales
@@ -280,19 +265,16 @@ def test_areas_are_drawn_on_their_highest_point_and_touch_nothing() -> None:
 
 
 def test_a_field_is_drawn_between_its_lowest_and_highest_height() -> None:
-    for name in ("image", "level"):
-        ground = _image() if name == "image" else terrain("iso8608", 0.0, 1, isotropic=True)
-        spec = mujoco.MjSpec()
-        field = add_to_spec(spec, ground).surface.field
-        if field is None:
-            assert name == "level"
-            continue
-        model, low, high = spec.compile(), float(field.z.min()), float(field.z.max())
-        geom = model.geom("terrain_field")
-        wide = [(field.x1 - field.x0) / 2.0, (field.y1 - field.y0) / 2.0]
-        assert model.hfield_size[0] == pytest.approx([*wide, (high - low) or 1e-3, model.hfield_size[0, 3]])
-        assert geom.pos == pytest.approx([(field.x0 + field.x1) / 2.0, (field.y0 + field.y1) / 2.0, low])
-        assert [int(model.hfield_nrow[0]), int(model.hfield_ncol[0])] == list(field.z.shape)
-        data = model.hfield_data.reshape(field.z.shape)
-        assert data == pytest.approx((field.z - low) / ((high - low) or 1.0), abs=1e-6)
-        assert model.body_mass.sum() == 0.0
+    spec = mujoco.MjSpec()
+    field = add_to_spec(spec, _image()).surface.field
+    assert field is not None
+    model, low, high = spec.compile(), float(field.z.min()), float(field.z.max())
+    geom = model.geom("terrain_field")
+    wide = [(field.x1 - field.x0) / 2.0, (field.y1 - field.y0) / 2.0]
+    assert model.hfield_size[0] == pytest.approx([*wide, high - low, model.hfield_size[0, 3]])
+    assert geom.pos == pytest.approx([(field.x0 + field.x1) / 2.0, (field.y0 + field.y1) / 2.0, low])
+    assert [int(model.hfield_nrow[0]), int(model.hfield_ncol[0])] == list(field.z.shape)
+    np.testing.assert_allclose(
+        model.hfield_data.reshape(field.z.shape), (field.z - low) / (high - low), atol=1e-6
+    )
+    assert model.body_mass.sum() == 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import mujoco
 import numpy as np
@@ -17,10 +17,12 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.robots.mechanism import placement_of
-from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.link_geoms import PLAIN, SHAPE_GROUP, add_visual
 from wbc.sim.plant.model import bare_spec, compiled, equip, surround
 from wbc.sim.plant.places import RobotPlaces, body_frame
+
+if TYPE_CHECKING:
+    from wbc.sim.plant.plant import Plant
 
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
@@ -80,7 +82,7 @@ class DepthCamera:
         if self.nearest >= self.furthest:
             raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
 
-    def start(self, plant: Carrier) -> DepthView:
+    def start(self, plant: Plant) -> DepthView:
         """Return the camera mounted on the robot of a plant.
 
         Raises:
@@ -95,7 +97,7 @@ class DepthCamera:
         return view
 
 
-def visible_model(plant: Carrier) -> mujoco.MjModel:
+def visible_model(plant: Plant) -> mujoco.MjModel:
     """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
     spec = bare_spec(plant.description)
     plant.physics.apply(spec)

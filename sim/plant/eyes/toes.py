@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import mujoco
 import numpy as np
@@ -10,8 +10,10 @@ import numpy as np
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
-from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.terrain.render import TERRAIN_GROUP
+
+if TYPE_CHECKING:
+    from wbc.sim.plant.plant import Plant
 
 
 @settings
@@ -34,7 +36,7 @@ class ToeSensors:
     noise: Annotated[NonNegative, "m"] = 0.002
     dropout: Share = 0.01
 
-    def start(self, plant: Carrier) -> ToeView:
+    def start(self, plant: Plant) -> ToeView:
         """Return the sensors on the feet of a plant."""
         return ToeView(self, plant)
 
@@ -42,7 +44,7 @@ class ToeSensors:
 class ToeView:
     """Range sensors at the toes of a plant."""
 
-    def __init__(self, sensors: ToeSensors, plant: Carrier) -> None:
+    def __init__(self, sensors: ToeSensors, plant: Plant) -> None:
         """Place the sensors on both feet."""
         self.sensors, self._plant = sensors, plant
         self._groups = np.zeros(mujoco.mjNGROUP, np.uint8)

@@ -1,17 +1,6 @@
 """Family: parameters of a kind of ground, how its rough part is built, and the registry of all families.
 
-A new family is one class::
-
-    @family("waves")
-    class Waves(FieldFamily):
-        \"\"\"Sine waves along the track.\"\"\"
-
-        wavelength: Annotated[Positive, "m"] = param(0.3, "Crest to crest", feature=0.5)
-
-        def heights(self, site: Site, x: Array, y: Array) -> Array:
-            return np.sin(2.0 * np.pi * x / self.wavelength)
-
-After that `terrain("waves", amplitude=0.02, wavelength=0.5)` works everywhere.
+CONTRIBUTING.md and docs/grounds.md have the smallest family of heights and of solids.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive
 from wbc.core.frames import yaw_rotation
 from wbc.sim.terrain.families.site import LONGEST_TRACK
-from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation
+from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, ball, tilted_rotation
 
 BURIED = 0.005
 """Depth of solids below the floor, m: no gap shows at a tilted base."""
@@ -29,8 +29,8 @@ def dome(
     """Make a round stone from its place, radius on the floor and height, m: a spherical cap or half an ellipsoid."""
     if top > radius:
         return stone(x, y, (radius, radius), top, 0.0)
-    ball = (top**2 + radius**2) / (2.0 * top)
-    return Sphere(np.array([x, y, top - ball]), ball)
+    curve = (top**2 + radius**2) / (2.0 * top)
+    return ball(np.array([x, y, top - curve]), curve)
 
 
 def stone(x: float, y: float, semi_axes: tuple[float, float], top: float, yaw: float) -> Ellipsoid:
