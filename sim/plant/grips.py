@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import InputError, choose
-from wbc.base.numbers import Array
+from wbc.base.errors import InputError
 from wbc.core.robot import Robot
 from wbc.robots.frames import carrier
 from wbc.robots.mechanism import placed
@@ -56,48 +55,14 @@ def add_grips(spec: mujoco.MjSpec, robot: Robot, owner: str = "") -> None:
             )
 
 
-class Grips:
-    """Grips of a robot, whose names begin with the owner, on the handles (name → site) of a scene."""
-
-    def __init__(self, model: mujoco.MjModel, robot: Robot, owner: str) -> None:
-        self._model, self._hands, self._owner = model, tuple(robot.frames), owner
-        names = (model.site(i).name for i in range(model.nsite))
-        self.handles = {
-            name.removeprefix(SCENE_PREFIX): i
-            for i, name in enumerate(names)
-            if name.startswith(SCENE_PREFIX) and name.endswith("handle")
-        }
-
-    def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
-        """Hold a handle where it is now, or where the hand holds it already; positions are up to date."""
-        self._check(hand)
-        choose("handle", handle, self.handles)
-        model = self._model
-        grip = int(model.equality(f"{self._owner}{hand} on {handle}").id)
-        if data.eq_active[grip]:
-            return
-        site = int(model.site(f"{self._owner}{hand} site").id)
-        point: Array = data.site_xpos[self.handles[handle]]
-        far = float(np.linalg.norm(point - data.site_xpos[site]))
-        if far > REACH:
-            raise InputError(
-                f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"
-            )
-        for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
-            rotation = data.xmat[body].reshape(3, 3)
-            model.eq_data[grip, place : place + 3] = (point - data.xpos[body]) @ rotation
-        data.eq_active[grip] = 1
-
-    def open(self, data: mujoco.MjData, hand: str) -> None:
-        """Let go of whatever a hand holds; raises as `close`."""
-        self._check(hand)
-        for handle in self.handles:
-            data.eq_active[int(self._model.equality(f"{self._owner}{hand} on {handle}").id)] = 0
-
-    def _check(self, hand: str) -> None:
-        if not self.handles:
-            raise InputError("a plant without a scene has nothing to grip; give scene=")
-        choose("hand", hand, self._hands)
+def handles_of(model: mujoco.MjModel) -> dict[str, int]:
+    """Return the handles of the scene in a model: name → site."""
+    sites = {model.site(i).name: i for i in range(model.nsite)}
+    return {
+        name.removeprefix(SCENE_PREFIX): i
+        for name, i in sites.items()
+        if name.startswith(SCENE_PREFIX) and name.endswith("handle")
+    }
 
 
 def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:

@@ -107,15 +107,15 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
 
 def _add_body_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Geometry) -> None:
     """Add a shape that touches things: of a mesh its convex hull, and the box around it where it is flat."""
-    options = {"mass": 0.0, "group": SHAPE_GROUP, "rgba": [0.0, 0.0, 0.0, 0.0]}
-    options |= {"contype": 0, "conaffinity": 1}  # not with each other
-    if shape.corners is not None:
+    clear = (0.0, 0.0, 0.0, 0.0)
+    if shape.corners is None:
+        geom = add_visual(body, GEOMS[shape.kind], shape.size.tolist(), shape.place, clear)
+    else:
         name = f"hull:{len(spec.meshes)}"
         spec.add_mesh(name=name, uservert=shape.corners.ravel(), inertia=SHELL)
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
-        return
-    size = [*shape.size, *[0.0] * (3 - len(shape.size))]
-    body.add_geom(type=GEOMS[shape.kind], size=size, **placed(shape.place), **options)
+        geom = add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), pin.SE3.Identity(), clear)
+        geom.meshname = name
+    geom.group, geom.conaffinity = SHAPE_GROUP, 1  # not with each other
 
 
 def drop_meshes(spec: mujoco.MjSpec) -> bool:

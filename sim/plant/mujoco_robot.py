@@ -11,14 +11,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco, velocity_to_mujoco
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.sim.plant.contacts import Contacts
-from wbc.sim.plant.grips import Grips
+from wbc.sim.plant.grips import REACH, handles_of
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu, MujocoSignals
 from wbc.sim.simulation.machine import Machine, steps_per_tick
@@ -78,7 +78,7 @@ class MujocoRobot(Simulation):
             seed=seed,
             machine=machine,
         )
-        self._grips = Grips(self.model, robot, places.prefix)
+        self._handles = handles_of(self.model)
         self._pushed: dict[int, Array] = {}  # body → the pushes' part of the forces in the data, shape (6,)
 
     @property
@@ -126,11 +126,31 @@ class MujocoRobot(Simulation):
             hand: Role of the hand, such as "left_hand".
             handle: Name of the handle's site in the scene, such as "left handle".
         """
-        self._grips.close(self.data, hand, handle)
+        model, data, grip = self.model, self.data, self._grip(hand, handle)
+        if data.eq_active[grip]:
+            return
+        point: Array = data.site_xpos[self._handles[handle]]
+        far = float(np.linalg.norm(point - data.site(f"{self.places.prefix}{hand} site").xpos))
+        if far > REACH:
+            raise InputError(
+                f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"
+            )
+        for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
+            rotation = data.xmat[body].reshape(3, 3)
+            model.eq_data[grip, place : place + 3] = (point - data.xpos[body]) @ rotation
+        data.eq_active[grip] = 1
 
     def let_go(self, hand: str) -> None:
         """Open a hand, by its role."""
-        self._grips.open(self.data, hand)
+        for handle in self._handles or ("",):
+            self.data.eq_active[self._grip(hand, handle)] = 0
+
+    def _grip(self, hand: str, handle: str) -> int:
+        """Return the equality by which a hand holds a handle."""
+        if not self._handles:
+            raise InputError("a plant without a scene has nothing to grip; give scene=")
+        names = choose("hand", hand, self.robot.frames), choose("handle", handle, self._handles)
+        return int(self.model.equality(f"{self.places.prefix}{' on '.join(names)}").id)
 
     def _carrier(self, name: str) -> tuple[int, pin.SE3]:
         return self.places.carrier(name)

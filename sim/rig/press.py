@@ -199,7 +199,7 @@ def _hold(rig: Rig) -> Hold:
 
 def _support(rig: Rig) -> SupportPolygon:
     """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
-    centres = [rig.supporting_centre(SUPPORT_LOAD)]
+    centres = [rig.centre_of_pressure(MIN_CONTACT_SHARE, SUPPORT_LOAD)]
     count, every = rig.steps(_RAMP), rig.steps(_SAMPLE)
     # The servo yields under the moment of the ground, so its command goes beyond the tilt of the polygon.
     yielding = rig.weight * rig.foot.fit.sole.length / rig.test.ankle_stiffness
@@ -212,7 +212,7 @@ def _support(rig: Rig) -> SupportPolygon:
             if step % every == 0:
                 if math.hypot(*twin.tilt) > SUPPORT_TILT:
                     break
-                centres.append(twin.supporting_centre(SUPPORT_LOAD))
+                centres.append(twin.centre_of_pressure(MIN_CONTACT_SHARE, SUPPORT_LOAD))
     points = np.array(centres)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):  # a foot that has slipped off its stone

@@ -279,25 +279,16 @@ class Rig:
         """Return world points as seen from above: forward and left of the sole centre under the ankle, (n, 2), m."""
         return np.asarray((points[:, :2] - self.ankle[:2]) @ self._heading + self.foot.fit.sole.ankle[:2])
 
-    def centre_of_pressure(self) -> Array:
-        """Return the centre of pressure in plan, shape (2,), m; NaN without load."""
-        points, forces = self.contacts()
-        return self._centre(points, forces[:, 2])
-
-    def supporting_centre(self, least: float) -> Array:
-        """Return the centre of pressure of the contacts that push up enough to count as support, in plan, (2,), m.
+    def centre_of_pressure(self, share: float = -math.inf, least: float = 0.0) -> Array:
+        """Return the centre of pressure in plan, shape (2,), m, of contacts that push up with a share of the weight.
 
         A contact on the flank of a stone may push sideways and down: with a negative weight it would move the centre
-        out of the sole. It is NaN where these contacts together bear less than a share of the weight.
+        out of the sole. It is NaN where these contacts together bear nothing, or less than the `least` share.
         """
         points, forces = self.contacts()
-        lift = np.where(forces[:, 2] >= MIN_CONTACT_SHARE * self.weight, forces[:, 2], 0.0)
-        return self._centre(points, lift, least * self.weight)
-
-    def _centre(self, points: Array, lift: Array, least: float = 0.0) -> Array:
-        """Return the mean of points by their vertical forces, N, in plan, (2,), m; NaN if these are less in sum."""
+        lift = np.where(forces[:, 2] >= share * self.weight, forces[:, 2], 0.0)
         total = float(lift.sum())
-        if total <= 0.0 or total < least:
+        if total <= 0.0 or total < least * self.weight:
             return np.full(2, np.nan)
         return np.asarray(self.in_plan(lift @ points[:, :2][None] / total)[0])
 

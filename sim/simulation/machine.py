@@ -15,9 +15,6 @@ from wbc.core.estimation.observer import LONGEST_DELAY
 SoleIndex = Annotated[int, Field(ge=0, le=1)]
 """A sole: 0 left, 1 right."""
 
-OF_THE_PLANT = ("friction", "payload", "hand_sensors")
-"""Properties of a `Machine` that change the model of the robot, so that only the plant, which builds it, has them."""
-
 
 @settings
 class Machine:
@@ -45,7 +42,7 @@ class Machine:
 
     def check_loop(self, loop: str) -> None:
         """Refuse the properties that only a `wbc.Plant` can give a robot, for another loop, named as in a sentence."""
-        given = [name for name in OF_THE_PLANT if getattr(self, name)]
+        given = [name for name in ("friction", "payload", "hand_sensors") if getattr(self, name)]
         if given:
             raise InputError(
                 f"{' and '.join(given)} of the machine can be set in a wbc.Plant alone: {loop} has the friction and "

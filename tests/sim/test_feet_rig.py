@@ -155,8 +155,8 @@ def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
     lift = np.where(forces[:, 2] >= MIN_CONTACT_SHARE * rig.weight, forces[:, 2], 0.0)
     bears = lift.sum() / rig.weight
     expected = rig.in_plan((lift @ points / lift.sum())[None])[0]
-    np.testing.assert_allclose(rig.supporting_centre(0.99 * bears), expected, atol=1e-9)
-    assert np.isnan(rig.supporting_centre(1.01 * bears)).all()
+    np.testing.assert_allclose(rig.centre_of_pressure(MIN_CONTACT_SHARE, 0.99 * bears), expected, atol=1e-9)
+    assert np.isnan(rig.centre_of_pressure(MIN_CONTACT_SHARE, 1.01 * bears)).all()
     twin = rig.fork()
     rig.step()
     assert twin.data.time == pytest.approx(rig.data.time - rig.test.physics.timestep)

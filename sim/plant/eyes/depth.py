@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -20,9 +20,6 @@ from wbc.robots.mechanism import placement_of
 from wbc.sim.plant.link_geoms import PLAIN, SHAPE_GROUP, add_visual
 from wbc.sim.plant.model import bare_spec, compiled, equip, surround
 from wbc.sim.plant.places import RobotPlaces, body_frame
-
-if TYPE_CHECKING:
-    from wbc.sim.plant.plant import Plant
 
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
@@ -82,7 +79,7 @@ class DepthCamera:
         if self.nearest >= self.furthest:
             raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
 
-    def start(self, plant: Plant) -> DepthView:
+    def start(self, plant: Any) -> DepthView:
         """Return the camera mounted on the robot of a plant.
 
         Raises:
@@ -97,7 +94,7 @@ class DepthCamera:
         return view
 
 
-def visible_model(plant: Plant) -> mujoco.MjModel:
+def visible_model(plant: Any) -> mujoco.MjModel:
     """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
     spec = bare_spec(plant.description)
     plant.physics.apply(spec)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.depth import DepthCamera
 from wbc.sim.plant.eyes.toes import ToeSensors
 
-if TYPE_CHECKING:
-    from wbc.sim.plant.plant import Plant
-
 STREAM = 1
 """Second word of the seed of the eyes, so that they leave the other sensors their draws."""
 
@@ -24,7 +21,7 @@ STREAM = 1
 class Eyes:
     """Sensors of a plant that see the ground."""
 
-    def __init__(self, plant: Plant, sensors: Sequence[DepthCamera | ToeSensors]) -> None:
+    def __init__(self, plant: Any, sensors: Sequence[DepthCamera | ToeSensors]) -> None:
         """Mount the sensors on the robot of a plant, which stands."""
         for sensor in sensors:
             if not isinstance(sensor, (DepthCamera, ToeSensors)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -11,9 +11,6 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.sim.terrain.render import TERRAIN_GROUP
-
-if TYPE_CHECKING:
-    from wbc.sim.plant.plant import Plant
 
 
 @settings
@@ -36,7 +33,7 @@ class ToeSensors:
     noise: Annotated[NonNegative, "m"] = 0.002
     dropout: Share = 0.01
 
-    def start(self, plant: Plant) -> ToeView:
+    def start(self, plant: Any) -> ToeView:
         """Return the sensors on the feet of a plant."""
         return ToeView(self, plant)
 
@@ -44,7 +41,7 @@ class ToeSensors:
 class ToeView:
     """Range sensors at the toes of a plant."""
 
-    def __init__(self, sensors: ToeSensors, plant: Plant) -> None:
+    def __init__(self, sensors: ToeSensors, plant: Any) -> None:
         """Place the sensors on both feet."""
         self.sensors, self._plant = sensors, plant
         self._groups = np.zeros(mujoco.mjNGROUP, np.uint8)
