@@ -10,9 +10,8 @@ from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.catalog import foot, register_foot
-from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
+from wbc.feet.soles.foot import Foot, FootFit, FootParts, fitted_sole
 from wbc.feet.soles.soft import SoftFoot, VariableStiffnessFoot
-from wbc.feet.soles.sole import FootFit
 from wbc.feet.stiffness.model import StiffnessModel
 
 __all__ = [

@@ -13,8 +13,7 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 from wbc.feet.soles.contact import LOOP_CLOSURE, ContactSpheres
-from wbc.feet.soles.foot import FootParts
-from wbc.feet.soles.sole import FootFit, box_inertia
+from wbc.feet.soles.foot import FootFit, FootParts, box_inertia
 
 Point: TypeAlias = Sequence[float] | Array
 """Three numbers, m."""

@@ -8,8 +8,7 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Number, Positive, settings
-from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
-from wbc.feet.soles.sole import AnkleSole, FootFit, box_inertia
+from wbc.feet.soles.foot import AnkleSole, Foot, FootFit, FootParts, box_inertia, fitted_sole
 
 SOFT_LENGTH = 0.27782
 """Length of the soft foot, m: twice the 138.91 mm of the authors' public controller configuration."""

@@ -15,9 +15,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Number, Positive, settings
 from wbc.feet.soles.actuator import StiffnessActuator
-from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
+from wbc.feet.soles.foot import AnkleSole, Foot, FootFit, FootParts, bar_inertia, box_inertia, fitted_sole
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
-from wbc.feet.soles.sole import AnkleSole, FootFit, bar_inertia, box_inertia
 
 ARCH_WIDTH = 0.03
 """Width of the arches, m; for their inertia and picture alone, they touch nothing."""

@@ -15,9 +15,9 @@ from wbc.base.errors import InputError, ModelError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
+from wbc.feet.soles.foot import AnkleSole
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.feet.soles.sole import AnkleSole
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier
 from wbc.robots.registry import as_description

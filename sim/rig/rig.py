@@ -18,7 +18,7 @@ from wbc.base.settings import Angle, NonNegative, Number, Positive, settings, to
 from wbc.feet import Foot, foot
 from wbc.feet.soles.build_mjcf import quaternion_wxyz
 from wbc.feet.soles.catalog import foot_name
-from wbc.feet.soles.sole import AnkleSole
+from wbc.feet.soles.foot import AnkleSole
 from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.mujoco_robot import BAD_STATE, divergence
 from wbc.sim.plant.physics import PhysicsSettings

@@ -17,7 +17,7 @@ import os
 import sys
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import dataclass, field
@@ -63,17 +63,13 @@ class SweepSummary:
     total: int  # number of different trials
     found: int = 0  # number of trials that were in the journal before
     run: int = 0  # number of trials run by this sweep, however they ended
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0  # wall time of the sweep, s
 
     @property
     def per_hour(self) -> float | None:
         """Trials per hour of wall time; None before the first trial has ended."""
         return 3600.0 * self.run / self.seconds if self.run and self.seconds > 0.0 else None
-
-    def count(self, status: str) -> None:
-        """Count a trial that has been added to the journal."""
-        self.counts[status] = self.counts.get(status, 0) + 1
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary as plain values."""
@@ -130,12 +126,12 @@ def sweep(
             pending.append(trial)
         else:
             summary.found += 1
-            summary.count(status)
+            summary.counts[status] += 1
 
     def record(plain: dict[str, Any], outcome: Outcome) -> None:
         journal.add(Entry(plain, outcome.status, outcome.result, outcome.clock, outcome.error, provenance()))
         summary.run += 1
-        summary.count(outcome.status)
+        summary.counts[outcome.status] += 1
         summary.seconds = time.perf_counter() - begin
         if progress is not None:
             progress(summary)

@@ -36,6 +36,9 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid
 DELAYS = ("measurement_delay", "command_delay")
 """Delays of a machine that its observer knows."""
 
+PLAIN = (str, int, float)
+"""Values of a result that a notebook shows."""
+
 RobotName = Annotated[str, BeforeValidator(name_of)]
 """Name of a robot; a description is taken by the name under which this process finds it."""
 
@@ -227,16 +230,12 @@ class TrialResult:
         for each in fields(self):
             value = getattr(self, each.name)
             if is_dataclass(value):
-                parts = {part.name: getattr(value, part.name) for part in fields(value)}
-                value = ", ".join(f"{name} {_short(part)}" for name, part in parts.items() if _is_plain(part))
-            if _is_plain(value):
+                parts = [(part.name, getattr(value, part.name)) for part in fields(value)]
+                value = ", ".join(f"{name} {_short(part)}" for name, part in parts if isinstance(part, PLAIN))
+            if isinstance(value, PLAIN):
                 unit = own.get(each.name) or own.get(f"{each.name}.mean", "")
                 lines.append(f"{each.name}  {_short(value)} {unit}")
         return html_table("\n".join(lines))
-
-
-def _is_plain(value: object) -> bool:
-    return isinstance(value, (str, int, float))
 
 
 def _short(value: object) -> str:

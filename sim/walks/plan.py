@@ -44,13 +44,6 @@ STEPS = 22
 KINDS = ("distance", "velocity", "turn", "stairs", "footsteps", "drive")
 """Kinds of plans, of which a walk has one."""
 
-SIDED = {
-    "turn": "the side of the turn steps first",
-    "drive": "the side of the motion steps first",
-    "footsteps": "footsteps have their sides",
-}
-"""Kinds of plans that say themselves which side steps first → how."""
-
 
 class TooFastError(InputError):
     """A velocity that planned steps do not give, and free steps may."""
@@ -70,7 +63,6 @@ class WalkPlan:
         drive: Commanded velocities over time: rows of time (s), forward (m/s), left (m/s) and turn (rad/s). Each row
             holds until the next one. The robot stands at the start. The velocity of the last row must be zero, and the
             walk ends with this stand.
-        first: Side that steps first. When None, it is the side of the direction of motion, or else the left side.
     """
 
     distance: Annotated[Number, "m"] | None = None
@@ -80,7 +72,6 @@ class WalkPlan:
     stairs: Literal["together", "alternate"] | None = None
     footsteps: tuple[Footstep, ...] | None = None
     drive: Annotated[tuple[tuple[float, float, float, float], ...], "s, m/s, m/s, rad/s"] | None = None
-    first: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
         given = [name for name in KINDS if getattr(self, name) is not None]
@@ -98,8 +89,6 @@ class WalkPlan:
             check_drive(self.drive)
         if self.footsteps == ():
             raise InputError("a walk needs at least one footstep")
-        if self.first is not None and given and given[0] in SIDED:
-            raise InputError(f"{SIDED[given[0]]}; leave the first side out")
 
     @property
     def climbs(self) -> bool:
@@ -115,17 +104,16 @@ class WalkPlan:
             start: Feet and gait.
             terrain: The ground, for its stairs.
         """
-        first = self.first or "left"
         if self.distance is not None:
-            return walk_distance(start, self.distance, first=first)
+            return walk_distance(start, self.distance)
         if self.velocity is not None:
             assert self.steps is not None
             start = replace(start, gait=Gait.for_speed(self.velocity, start.gait))
-            return walk_velocity(start, self.velocity, self.steps, first=self.first)
+            return walk_velocity(start, self.velocity, self.steps)
         if self.turn is not None:
             return turn_in_place(start, self.turn)
         if self.stairs is not None:
-            return _stairs(start, terrain, together=self.stairs == "together", first=first)
+            return _stairs(start, terrain, together=self.stairs == "together")
         if self.drive is not None:
             return start  # footsteps follow as the robot goes
         assert self.footsteps is not None
@@ -236,9 +224,7 @@ class Drive(TrialHook):
         return not self._pending and self._walking.done
 
 
-def _stairs(
-    start: FootstepPlan, terrain: Terrain, *, together: bool, first: Literal["left", "right"]
-) -> FootstepPlan:
+def _stairs(start: FootstepPlan, terrain: Terrain, *, together: bool) -> FootstepPlan:
     """Return footsteps on the stairs of a ground, with both feet or with one foot on each stair."""
     heading = mean_heading(start.left.yaw, start.right.yaw)
     if abs(heading) > STRAIGHT:
@@ -248,9 +234,7 @@ def _stairs(
         )
     rise, tread, count, edge = stair_of(terrain)
     ahead = edge - 0.5 * (start.left.x + start.right.x)
-    return climb_stairs(
-        start, rise=rise, tread=tread, count=count, first_edge=ahead, together=together, first=first
-    )
+    return climb_stairs(start, rise=rise, tread=tread, count=count, first_edge=ahead, together=together)
 
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:

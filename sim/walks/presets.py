@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wbc.base.registry import Registry
-from wbc.sim.walks.plan import KINDS, SIDED
+from wbc.sim.walks.plan import KINDS
 
 FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
 """Swing of mc_rtc: the highest point in the middle, no slow part before the landing."""
@@ -61,11 +61,11 @@ def over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plan_over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fields of a plan over those of another; a plan of another kind keeps the side that steps first alone."""
+    """Return fields of a plan over those of another; a plan of another kind takes its place."""
     kept = {name: value for name, value in lower.items() if value is not None}
     kinds = [name for name in KINDS if upper.get(name) is not None]
     if kinds and not any(name in kept for name in kinds):
-        kept = {"first": kept["first"]} if "first" in kept and SIDED.keys().isdisjoint(kinds) else {}
+        kept = {}
     return {**kept, **upper}
 
 

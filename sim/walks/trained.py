@@ -60,7 +60,6 @@ def driven(plan: WalkPlan) -> WalkPlan:
         distance=None,
         velocity=None,
         steps=None,
-        first=None,
         drive=((START, *velocity), (START + max(time, 0.1), 0.0, 0.0, 0.0)),
     )
 

@@ -69,7 +69,7 @@ def walk(
         hooks: Hooks that observe every tick; they do not change the result.
         **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec, such as robot, foot, terrain or
             distance. What belongs to a value goes with it: another foot drops the stiffness of the old one, another
-            ground its amplitude. A plan of another kind, such as a velocity in place of a distance, keeps `first`.
+            ground its amplitude.
 
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.

@@ -245,8 +245,6 @@ def test_a_drive_from_the_page_has_its_time(tmp_path: Path) -> None:
         (tmp_path / "d.toml").write_text(f"plan.drive = [[0, 0.1, 0, 0], [{last}, 0, 0, 0]]")
         if fits:
             assert walk_spec({}, options(spec=str(tmp_path / "d.toml"))).plan.drive is not None
-            with pytest.raises(InputError, match="leave the first side out"):
-                walk_spec({"plan": {"first": "left"}}, options(spec=str(tmp_path / "d.toml"), seconds=5.0))
         else:
             with pytest.raises(InputError, match=f"{last:g} s takes longer"):
                 walk_spec({}, options(spec=str(tmp_path / "d.toml")))

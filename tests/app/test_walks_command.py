@@ -84,10 +84,9 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert [push["step"] for push in other["pushes"]] == [1, 2]
     assert other["pushes"][0]["direction"] == pytest.approx(math.pi / 2)
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
-    (tmp_path / "sides.toml").write_text('plan = { velocity = [0.1, 0.0, 0.0], steps = 4, first = "right" }')
-    sides = spec_of("--spec", str(tmp_path / "sides.toml"), "--velocity", "0.15", "0", "0")
-    assert sides["plan"] == {"velocity": [0.15, 0.0, 0.0], "steps": 4, "first": "right"}
-    assert spec_of("--spec", str(tmp_path / "sides.toml"), "--steps", "5")["plan"]["first"] == "right"
+    (tmp_path / "steps.toml").write_text("plan = { velocity = [0.1, 0.0, 0.0], steps = 4 }")
+    steps = spec_of("--spec", str(tmp_path / "steps.toml"), "--velocity", "0.15", "0", "0")
+    assert steps["plan"] == {"velocity": [0.15, 0.0, 0.0], "steps": 4}
 
 
 def test_a_drive_of_a_spec_ends_with_a_stand_after_the_seconds_that_are_given(

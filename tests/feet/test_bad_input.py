@@ -12,7 +12,7 @@ from wbc.base.errors import InputError
 from wbc.feet import SoftFoot, StiffnessModel, VariableStiffnessFoot, foot, register_foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings
-from wbc.feet.soles.sole import AnkleSole, FootFit
+from wbc.feet.soles.foot import AnkleSole, FootFit
 
 OWN = AnkleSole.under_ankle(0.093, 0.16, 0.076)
 GRID, FLAT = 0.007 * np.arange(20), np.zeros(20)

@@ -17,8 +17,8 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.foot import AnkleSole, bar_inertia, box_inertia
 from wbc.feet.soles.soft import ROWS
-from wbc.feet.soles.sole import AnkleSole, bar_inertia, box_inertia
 
 OWN = replace(AnkleSole.under_ankle(0.093, 0.160, 0.076), spacing=0.175)
 FITTING = ("rigid", "soft", "long_arch", "variable")

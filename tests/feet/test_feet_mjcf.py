@@ -14,8 +14,8 @@ from wbc.base.errors import InputError
 from wbc.feet import Foot, FootParts, StiffnessActuator, foot
 from wbc.feet.soles.build_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw
+from wbc.feet.soles.foot import AnkleSole
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
-from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain

@@ -15,8 +15,8 @@ from properties import examples
 from wbc.base.errors import InputError
 from wbc.feet import foot
 from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, Profile, ScanSettings
+from wbc.feet.soles.foot import AnkleSole
 from wbc.feet.soles.soft import toe_sensor
-from wbc.feet.soles.sole import AnkleSole
 
 DOWN = (0.0, 0.0, -1.0)
 

@@ -34,7 +34,7 @@ for name in ("base", "core", "robots", "feet", "tasks", "walking", "machine"):
         if not module.name.endswith("_mjcf"):
             importlib.import_module(module.name)
 from wbc.feet.soles.catalog import foot, foot_names
-from wbc.feet.soles.sole import AnkleSole
+from wbc.feet.soles.foot import AnkleSole
 for name in foot_names():
     foot(name).fit(AnkleSole.under_ankle(0.09, 0.16, 0.08))
 assert not {"mujoco", "matplotlib", "meshcat"} & set(sys.modules), "all below the simulator"

@@ -224,12 +224,12 @@ def test_the_plan_of_a_trained_policy_is_its_velocity_after_a_second() -> None:
         (WalkPlan(distance=-0.9), ((1.0, -0.3, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))),
         (WalkPlan(distance=0.003), ((1.0, 0.3, 0.0, 0.0), (1.1, 0.0, 0.0, 0.0))),
         (
-            WalkPlan(velocity=(0.2, 0.1, -0.3), steps=5, first="left"),
+            WalkPlan(velocity=(0.2, 0.1, -0.3), steps=5),
             ((1.0, 0.2, 0.1, -0.3), (5.0, 0.0, 0.0, 0.0)),
         ),
     ):
         found = driven(plan)
-        assert found.drive is not None and found.first is None
+        assert found.drive is not None
         np.testing.assert_allclose(found.drive, rows, atol=1e-12)
         assert turned(found.drive) == pytest.approx(rows[0][3] * (rows[1][0] - rows[0][0]))
         assert driven(found) is found
@@ -294,7 +294,7 @@ def test_parts_of_a_preset_stay_under_those_that_are_given_but_for_what_belongs_
         "terrain": "stones",
         "amplitude": 0.02,
         "changes": {"gains.dcm_p": 3.0, "dcm_i": 1.0, "mpc.rate": 2.0},
-        "plan": {"distance": 2.0, "first": "left"},
+        "plan": {"distance": 2.0},
         "gait": {"apex": 0.05},
     }
     assert over({}, lower) == lower
@@ -310,7 +310,7 @@ def test_parts_of_a_preset_stay_under_those_that_are_given_but_for_what_belongs_
         ({"p": 4.0, "cruise": 1.0}, {"gains.dcm_p": 3.0, "dcm_i": 1.0, "mpc.rate": 2.0}),
     ):
         assert over({"changes": given}, lower)["changes"] == {**kept, **given}
-    assert over({"plan": {"distance": 1.0}}, lower)["plan"] == {"distance": 1.0, "first": "left"}
+    assert over({"plan": {"distance": 1.0}}, lower)["plan"] == {"distance": 1.0}
     assert over({"plan": {"turn": 1.0}}, lower)["plan"] == {"turn": 1.0}
     assert over({"changes": None}, lower)["changes"] is None
 

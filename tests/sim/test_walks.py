@@ -99,19 +99,19 @@ def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.Monkey
 
 
 def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A plan of another kind takes the place of the old one, and the side that steps first stays where it has one."""
+    """A plan of another kind takes the place of the old one."""
     plans: list[WalkPlan] = []
     monkeypatch.setattr(WalkTrial, "run", lambda trial, hooks: plans.append(trial.spec.plan))
-    side = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4, first="right"), noise="none")
+    side = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4), noise="none")
     walk(side, velocity=(0.15, 0.0, 0.0))
     walk(side, steps=5)
     walk(side, distance=0.2)
     walk(side, turn=0.2)
     walk(side, seed=8)
     assert plans == [
-        WalkPlan(velocity=(0.15, 0.0, 0.0), steps=4, first="right"),
-        WalkPlan(velocity=(0.1, 0.0, 0.0), steps=5, first="right"),
-        WalkPlan(distance=0.2, first="right"),
+        WalkPlan(velocity=(0.15, 0.0, 0.0), steps=4),
+        WalkPlan(velocity=(0.1, 0.0, 0.0), steps=5),
+        WalkPlan(distance=0.2),
         WalkPlan(turn=0.2),
         side.plan,
     ]

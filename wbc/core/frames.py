@@ -197,7 +197,7 @@ class FrameDescription:
 class Sole(FrameDescription):
     """A rectangular sole of a robot; its frame lies at the centre, x forward, z up and away from the ground.
 
-    A foot is fitted to a `wbc.feet.soles.sole.AnkleSole`, which is the same rectangle seen from the ankle.
+    A foot is fitted to a `wbc.feet.soles.foot.AnkleSole`, which is the same rectangle seen from the ankle.
 
     Attributes:
         name: Name in contacts and measurements: "left_foot" or "right_foot" of a robot that walks.

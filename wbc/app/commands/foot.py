@@ -26,7 +26,7 @@ from wbc.base.settings import (
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import changed_foot, foot_changes, foot_names
 from wbc.feet.soles.catalog import foot as foot_by_name
-from wbc.feet.soles.sole import AnkleSole
+from wbc.feet.soles.foot import AnkleSole
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import ankle_soles
 from wbc.sim.plant.physics import PhysicsSettings
