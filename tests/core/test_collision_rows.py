@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from collision_layouts import CONTROLS, panda, run
+from properties import by_default
 
 import wbc
 from wbc.base.numbers import Array
@@ -151,10 +152,10 @@ def check(seeds: Sequence[int], control: str) -> None:
 @pytest.mark.parametrize(
     ("control", "layouts"),
     [
-        ("kinematics", range(6)),
-        ("torque", range(16, 22)),
-        pytest.param("kinematics", range(6, 320), marks=pytest.mark.slow),
-        pytest.param("torque", (*range(16), *range(22, 230)), marks=pytest.mark.slow),
+        ("kinematics", range(3)),
+        ("torque", range(16, 19)),
+        pytest.param("kinematics", range(3, 320), marks=pytest.mark.slow),
+        pytest.param("torque", (*range(16), *range(19, 230)), marks=pytest.mark.slow),
     ],
 )
 def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
@@ -163,14 +164,14 @@ def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
     check(layouts, control)
 
 
-@pytest.mark.parametrize("seed", [5222, 2891])
+@pytest.mark.parametrize("seed", by_default([5222, 2891], 5222))
 def test_a_shape_that_whirls_around_a_ball_comes_no_closer_with_time(seed: int) -> None:
     """At the greatest joint speeds the curvature of the way adds up: 1.2 and 0.4 mm if it did not count."""
     outcome = run(seed, "kinematics")
     assert outcome is not None and outcome.deepest < 5e-5
 
 
-@pytest.mark.parametrize("seed", [5217, 5447])
+@pytest.mark.parametrize("seed", by_default([5217, 5447], 5217))
 def test_flat_sides_come_to_rest_beside_a_ball(seed: int) -> None:
     """With a row for the nearest points alone they roll to and fro, with changes of 0.2 and 0.5 rad/s in a period."""
     outcome = run(seed, "kinematics")

@@ -78,7 +78,7 @@ def of_joints(rng: np.random.Generator) -> JointLimits:
     return JointLimits(acceleration=acceleration, velocity_ratio=float(rng.choice([0.05, 0.5, 1.0])))
 
 
-@examples(30)
+@examples(12)
 @given(seed=st.integers(0, 10_000), name=st.sampled_from(WAYS), dt=st.sampled_from([0.001, 0.01, 0.05]))
 def test_inverse_kinematics_has_a_solution_whatever_the_limits_and_the_start(
     seed: int, name: str, dt: float
@@ -95,7 +95,7 @@ def test_inverse_kinematics_has_a_solution_whatever_the_limits_and_the_start(
     assert np.isfinite(ik.reach(iterations=10).configuration).all()
 
 
-@examples(30)
+@examples(12)
 @given(
     seed=st.integers(0, 10_000), speed=st.sampled_from([0.0, 1.0, 5.0]), dt=st.sampled_from([0.001, 0.005])
 )
@@ -127,7 +127,7 @@ def rooms(robot: Robot, frame: str, box: tuple[Array, Array], axis: Array, direc
 
 
 @pytest.mark.parametrize("way", ["velocities", "accelerations"])
-@pytest.mark.parametrize("seed", by_default(range(8), *range(4)))
+@pytest.mark.parametrize("seed", by_default(range(8), 0, 1))
 def test_a_robot_that_starts_outside_all_limits_comes_back_in(way: str, seed: int) -> None:
     """To a box and a cone about where the hand can be, with joints up to 0.2 rad outside of their ranges."""
     rng, name = np.random.default_rng(seed), WAYS[seed % 4]
@@ -174,7 +174,7 @@ def test_a_robot_that_starts_outside_all_limits_comes_back_in(way: str, seed: in
     assert rooms(robot, frame, box, axis, hand.rotation @ axis) > -1e-3
 
 
-@pytest.mark.parametrize("angle", [0.1, 0.5, 2.5])
+@pytest.mark.parametrize("angle", by_default([0.1, 0.5, 2.5], 0.5))
 def test_an_axis_comes_back_from_the_opposite_direction(angle: float) -> None:
     robot = model_of("panda").clone()
     axis = robot.placement("panda_hand").rotation.T @ np.array([0.0, 0.0, -1.0])
@@ -403,7 +403,7 @@ def test_feet_stay_where_a_hand_cannot_come_back() -> None:
         wbc.FramePositionLimit(hand_of(robot), lower=place + [2.0, 0.0, 0.0], upper=place + [2.1, 0.1, 0.1])
     )
     ik.add(wbc.PositionTask(robot.torso_frame, hard=True))
-    for _ in range(300):
+    for _ in range(150):
         ik.step()
         assert ik.solution is not None and ik.solution.ok
     for sole, before in zip(robot.soles, feet, strict=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -29,7 +31,7 @@ from wbc.core.limits.pairs import srdf_pairs
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask, check_rows
+from wbc.tasks import CoMTask, PositionTask, PostureTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 STEP = 1e-6
@@ -93,17 +95,6 @@ def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: obje
         np.testing.assert_allclose(rows[pairs] @ v, (ends[0] - ends[1]) / (2 * STEP), atol=1e-6)
 
 
-def test_collision_bounds_are_filled_in_whatever_arrays_are_given() -> None:
-    robot = make_robot("hrp4_class")
-    limit = capsules(robot)
-    limit.bind(robot)
-    rows = np.zeros((limit.dim, robot.nv))
-    for _ in range(2):
-        lower, upper = np.zeros(limit.dim), np.zeros(limit.dim)
-        limit.write(0.005, rows, lower, upper)
-        assert (upper == np.inf).all()
-
-
 @robots
 @pytest.mark.usefixtures("all_rows")
 def test_collision_bound_counts_drift_and_damper(name: str) -> None:
@@ -136,43 +127,30 @@ def test_collision_bound_counts_drift_and_damper(name: str) -> None:
         np.testing.assert_allclose(lower[0], wanted - drift, rtol=1e-6, atol=1e-4)
 
 
-def meet(name: str, limited: bool, seconds: float = 1.5) -> tuple[CollisionLimit, Array, list[str]]:
-    """Ask both hands to go to the same point in front of the chest; distances of their balls."""
+@robots
+def test_hands_that_want_to_pass_through_each_other_do_not(name: str) -> None:
     controller = Controller(make_robot(name), 0.004)
     robot = controller.robot
-    limit = balls(robot, 0.06, margin=0.02)
     controller.add(
         SoleContact("left_foot"), SoleContact("right_foot"), CoMTask(), PostureTask(), JointLimits()
     )
-    controller.add(OrientationTask(robot.torso_frame))
+    limit = controller.add(balls(robot, 0.06, margin=0.02))
     hands = [left_hand(robot), right_hand(robot)]
     middle = 0.5 * sum(robot.placement(hand).translation for hand in hands) + [0.1, 0.0, 0.05]
     for hand, side in zip(hands, (-0.1, 0.1), strict=True):  # each is to go past the other
         controller.add(PositionTask(hand, middle + [0.0, side, 0.0], weight=10.0, stiffness=60.0))
-    controller.add(limit) if limited else limit.bind(robot)
     q, v = np.array(robot.q), np.array(robot.v)
-    distances, active = [], []
-    for _ in range(round(seconds / controller.dt)):
+    distances, active = [], 0
+    for _ in range(250):
         controller.update(q, v)
         solution = controller.solve()
         assert solution.ok, controller.diagnose()
-        active += [n for n in solution.active_limits if n == limit.name]
-        q, v = integrate(controller, q, v, solution.accelerations)
-        robot.update(q, v)
+        active += limit.name in solution.active_limits
         first, second = (robot.placement(hand).translation for hand in hands)
         distances.append(float(np.linalg.norm(first - second)) - 0.12)
-    return limit, np.array(distances), active
-
-
-@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
-def test_hands_that_want_to_pass_through_each_other_do_not(name: str) -> None:
-    _, free, _ = meet(name, limited=False)
-    assert free.min() < -0.02
-    limit, kept, active = meet(name, limited=True)
-    assert kept.min() >= 0.02 - 1e-5
-    assert kept.min() < 0.03
-    assert active
-    assert min(limit.distances.values()) == pytest.approx(kept[-2], abs=1e-3)
+        q, v = integrate(controller, q, v, solution.accelerations)
+    assert 0.02 - 1e-5 <= min(distances) < 0.03 and active
+    assert min(limit.distances.values()) == pytest.approx(distances[-1], abs=1e-6)
 
 
 def test_links_closer_than_the_margin_come_apart() -> None:
@@ -224,10 +202,6 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
                 found = pin.computeDistance(geometry, data, len(geometry.collisionPairs) - 1)
                 least = min(least, found.min_distance)
         assert distance == pytest.approx(least, abs=1e-6)  # the tolerance of coal's GJK
-    controller = Controller(robot, 0.002)
-    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask())
-    controller.add(CollisionLimit(pairs, shapes=shapes))
-    assert controller.solve().ok
 
 
 @pytest.mark.parametrize(
@@ -243,13 +217,9 @@ def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
 ) -> None:
     robot, shapes = make_robot("hrp4_class"), description("hrp4_class").collision_hulls()
     limit = CollisionLimit([pair], shapes=shapes, margin=margin)
-    if not separable:
-        with pytest.raises(InputError, match=f"'{pair[0]}' and '{pair[1]}'.*0.0020 m"):
-            limit.bind(robot)
-        return
-    controller = Controller(robot, 0.005)
-    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask(), limit)
-    assert controller.solve().ok
+    refused = pytest.raises(InputError, match=f"'{pair[0]}' and '{pair[1]}'.*0.0020 m")
+    with nullcontext() if separable else refused:
+        limit.bind(robot)
 
 
 @pytest.mark.parametrize("radius", [0.1, 0.3])
@@ -334,22 +304,15 @@ def test_polygon_rows_are_the_derivative_of_the_distance_to_each_edge(name: str)
 
 
 def sway(
-    name: str,
-    limit: CoMPolygonLimit | None,
-    goal: Array,
-    seconds: float,
-    dt: float = 0.002,
-    start: Array | None = None,
+    name: str, limit: CoMPolygonLimit, goal: Array, seconds: float, dt: float = 0.005
 ) -> tuple[Controller, Array]:
     """Pull the CoM somewhere; where it goes."""
     controller = Controller(make_robot(name), dt)
     robot = controller.robot
     com = CoMTask(stiffness=40.0)
-    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), com, PostureTask())
-    if limit is not None:
-        controller.add(limit)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), com, PostureTask(), limit)
     com.target = np.array([goal[0], goal[1], robot.com[2]])
-    q, v = np.array(robot.q), np.array(robot.v) if start is None else start
+    q, v = np.array(robot.q), np.array(robot.v)
     path = []
     for _ in range(round(seconds / dt)):
         controller.update(q, v)
@@ -365,7 +328,7 @@ def test_com_is_pulled_out_of_its_polygon_in_vain(name: str) -> None:
     robot = make_robot(name)
     here = np.array(robot.com[:2])
     square = here + 0.03 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    for angle in (0.0, 0.8, 2.5, 4.0):
+    for angle in (0.8, 4.0):
         goal = here + 0.15 * np.array([np.cos(angle), np.sin(angle)])
         limit = CoMPolygonLimit(square, margin=0.0)
         _, path = sway(name, limit, goal, 0.8)
@@ -373,13 +336,11 @@ def test_com_is_pulled_out_of_its_polygon_in_vain(name: str) -> None:
         assert beyond <= 1e-6
         assert beyond > -5e-3
     assert limit.distance == pytest.approx(-beyond, abs=1e-3)
-    _, path = sway(name, None, goal, 0.8)
-    assert np.abs(path - here).max() > 0.04
 
 
 def test_com_stays_over_the_soles_by_default() -> None:
     limit = CoMPolygonLimit()
-    controller, path = sway("hrp4_class", limit, np.array([0.4, 0.1]), 2.0, 0.005)
+    controller, path = sway("hrp4_class", limit, np.array([0.4, 0.1]), 2.0)
     corners = limit.polygon
     assert len(corners) == 4 or len(corners) == 6
     edges = np.roll(corners, -1, axis=0) - corners
