@@ -11,7 +11,7 @@ import pytest
 from closed_chains import four_bar_knee
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import by_default
+from properties import by_default, examples
 from scipy.optimize import nnls
 from task_factory import ROBOTS, integrate, left_hand, make_robot, right_hand, standing
 
@@ -51,7 +51,7 @@ def test_cone_holds_what_corner_forces_can_do_and_nothing_else(x: float, y: floa
     assert (cone @ generators <= 1e-12).all()
     unit = np.array([friction, friction, 1.0, y, x, friction * (x + y)])
     inside = outside = 0
-    for _ in range(300):
+    for _ in range(100):
         base = generators @ rng.exponential(size=16)
         direction = unit * rng.normal(size=6)
         direction[2] = 0.0  # away from the axis of the cone, so that the ray does leave it
@@ -64,7 +64,7 @@ def test_cone_holds_what_corner_forces_can_do_and_nothing_else(x: float, y: floa
             feasible = residual < 1e-8 * np.linalg.norm(scaled)
             assert feasible == bool((cone @ wrench <= 1e-9 * abs(wrench[2])).all())
             inside, outside = inside + feasible, outside + (not feasible)
-    assert inside == outside == 300
+    assert inside == outside == 100
 
 
 @robots
@@ -91,6 +91,7 @@ def test_solved_wrenches_can_be_made_by_corner_forces(name: str) -> None:
             assert solution.wrenches[sole.name][2] >= contacts[0].min_force - 1e-5
 
 
+@examples(30)
 @given(st.floats(0.05, 2.0), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_no_force_of_a_pyramid_leaves_the_friction_cone(
     friction: float, direction: tuple[float, float, float]
@@ -267,12 +268,11 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
         contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, -0.05, 0.2)])
-@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-0.5, 0.3, 0.7)])
+@pytest.mark.parametrize("normal", [(1.0, 0.0, 0.0), (-0.5, 0.3, 0.7)])
 def test_point_contact_holds_its_point_and_pushes_from_the_surface(
-    normal: tuple[float, ...], point: tuple[float, ...]
+    normal: tuple[float, ...],
 ) -> None:
-    controller = standing("talos")
+    controller, point = standing("talos"), (0.1, -0.05, 0.2)
     robot = controller.robot
     held = {"friction": 0.4, "min_force": 5.0, "ramp": 0.0, "stiffness": 0.0, "damping": 0.0}
     hand = PointContact(left_hand(robot), point=point, normal=normal, **held)

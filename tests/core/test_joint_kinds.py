@@ -7,6 +7,7 @@ from contextlib import nullcontext
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import each_once
 
 import wbc
 from wbc.base.errors import InputError
@@ -156,8 +157,7 @@ ITEMS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "continuous"])
-@pytest.mark.parametrize("item", ITEMS)
+@pytest.mark.parametrize(("item", "kind"), each_once(list(ITEMS), ["revolute", "prismatic", "continuous"]))
 def test_a_robot_of_one_joint_is_a_robot(kind: str, item: str) -> None:
     """Shapes are those of any robot; rows are right; both solvers have solutions."""
     description = single(kind)
@@ -201,11 +201,10 @@ def test_short_ranges_have_their_own_thresholds() -> None:
 # ---- joints without limits ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("velocity", [0.0, -0.0])
-def test_a_velocity_limit_of_zero_is_none(velocity: float) -> None:
+def test_a_velocity_limit_of_zero_is_none() -> None:
     """As files have it where nobody has set one: such a joint moves."""
     model = load("panda").robot().model.copy()
-    model.upperVelocityLimit[:] = velocity
+    model.upperVelocityLimit[:] = 0.0
     robot = wbc.Robot(model, (), load("panda").robot().half_sitting)
     assert (robot.velocity_limit == UNLIMITED).all()
     ik = wbc.InverseKinematics(robot, 0.01)

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import examples
+from properties import by_default, examples
 from task_factory import MOTION_TASKS, ROBOTS, left_hand, near_half_sitting, right_hand
 
 import wbc
@@ -72,7 +72,7 @@ def near(robot: Robot, frame: str, rng: np.random.Generator, size: float) -> pin
 
 
 @pytest.mark.parametrize("name", ALL)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", by_default(range(3), 0))
 def test_poses_are_reached_as_by_pink(name: str, seed: int) -> None:
     pink = pytest.importorskip("pink")
     ik, rng = solver(name, posture=1e-8), np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_poses_are_reached_as_by_pink(name: str, seed: int) -> None:
     assert abs(theirs.homogeneous - robot.placement(frame).homogeneous).max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["talos", "g1", "panda"])
+@pytest.mark.parametrize("name", by_default(["talos", "g1", "panda"], "talos"))
 def test_velocities_are_those_of_pink_for_the_same_costs(name: str) -> None:
     """Tasks of CoM and posture have the same errors there, so the whole problem is the same."""
     pink = pytest.importorskip("pink")
@@ -161,7 +161,7 @@ def test_a_controller_that_comes_to_rest_is_where_the_search_ends() -> None:
     assert ik.robot.q == pytest.approx(q, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
 def test_rows_read_no_more_of_the_state_than_they_say(name: str) -> None:
     robot, rng = robot_of(name), np.random.default_rng(0)
     ik = wbc.InverseKinematics(robot, 0.01)
@@ -180,7 +180,7 @@ def test_rows_read_no_more_of_the_state_than_they_say(name: str) -> None:
         ik.remove(task)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
 def test_rows_without_the_drift_are_those_with_it(name: str) -> None:
     robot, rng = robot_of(name), np.random.default_rng(0)
     tasks = [case.make(robot) for case in MOTION_TASKS.values()]
@@ -221,9 +221,8 @@ def test_a_class_that_changes_the_rows_of_another_is_heard() -> None:
     assert hand.error[1] == pytest.approx(0.01)
 
 
-@pytest.mark.parametrize("weight", [1e-3, 2.0])
-def test_costs_of_all_selections_add_up(weight: float) -> None:
-    robot = robot_of("talos")
+def test_costs_of_all_selections_add_up() -> None:
+    robot, weight = robot_of("talos"), 2.0
     ik = wbc.InverseKinematics(robot, 0.01, regularisation=1e-9, damping=0.0)
     posture = ik.add(wbc.PostureTask(weight=0.5, rate=4.0))
     posture.target = posture.target + 0.01
@@ -237,7 +236,7 @@ def test_costs_of_all_selections_add_up(weight: float) -> None:
 # ---- contacts, targets, priorities --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", by_default(ALL, "g1", "go1"))
 def test_what_stands_stays_where_it_is(name: str) -> None:
     ik = solver(name)
     robot, frame = ik.robot, hand_of(ik.robot)
@@ -347,7 +346,7 @@ def test_levels_keep_the_limits() -> None:
     away = np.where(np.arange(robot.na) % 2, 10.0, -10.0)
     ik.add(wbc.PostureTask(), level=1).follow(away)
     height = robot.placement("panda_hand").translation[2]
-    for _ in range(200):
+    for _ in range(100):
         ik.step()
         assert (robot.q <= robot.position_upper + 1e-9).all()
         assert (robot.q >= robot.position_lower - 1e-9).all()
@@ -358,7 +357,7 @@ def test_levels_keep_the_limits() -> None:
 # ---- limits -------------------------------------------------------------------------------------------------------
 
 
-@examples(25)
+@examples(10)
 @given(
     seed=st.integers(0, 1000),
     dt=st.sampled_from([0.001, 0.01, 0.05]),
@@ -391,6 +390,7 @@ def test_limits_of_joints_are_never_crossed(
         before = beyond
 
 
+@examples(30)
 @given(velocity=st.floats(0.0, 20.0), braking=st.floats(0.5, 200.0), dt=st.sampled_from([1e-3, 1e-2, 0.1]))
 def test_the_stopping_velocity_is_the_greatest_that_stops_in_time(
     velocity: float, braking: float, dt: float
@@ -486,13 +486,13 @@ def test_more_starts_find_what_one_does_not() -> None:
     ik, robot = solver("panda"), robot_of("panda")
     rng, found = np.random.default_rng(5), []
     hand = ik.add(wbc.PoseTask("panda_hand"))
-    for _ in range(10):
+    for _ in range(5):
         robot.q[:] = rng.uniform(robot.position_lower, robot.position_upper)
         robot.update_jacobians(robot.q)
         hand.target = pin.SE3(robot.placement("panda_hand"))
         found.append((ik.reach().reached, ik.reach(starts=20, seed=1).reached))
     one, more = np.sum(found, axis=0)
-    assert one < 10 and more == 10
+    assert one < 5 and more == 5
 
 
 def test_a_search_from_outside_the_limits_ends_inside() -> None:
@@ -593,4 +593,4 @@ def test_gaze_and_relative_tasks_are_reached() -> None:
     for _ in range(200):
         ik.step()
     assert all(task.reached for task in ik.tasks if task is not ik.task("posture"))
-    assert isinstance(look.error, np.ndarray) and abs(Array and look.error).max() < 1e-3
+    assert abs(look.error).max() < 1e-3

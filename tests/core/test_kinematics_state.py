@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default, each_once
 
 import wbc
 from wbc.base.errors import InputError, NoSolutionError
@@ -71,7 +72,7 @@ def test_a_robot_that_is_put_somewhere_is_at_rest_there() -> None:
             ik.update(ik.robot.half_sitting, wrong)
 
 
-@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("hard", by_default([False, True], True))
 def test_a_search_knows_nothing_of_velocities(hard: bool) -> None:
     """Neither of those that the robot has nor of those that tasks ask for; afterwards the robot has them again."""
     found = []
@@ -125,10 +126,10 @@ def test_a_hand_on_a_circle_lags_as_a_first_order_system_does(way: str) -> None:
 # ---- no solution --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("limits", ["none", "joints", "joints and posture"])
-@pytest.mark.parametrize("level", [0, 1, 2])
-@pytest.mark.parametrize("what", ["jacobian", "error"])
-@pytest.mark.parametrize("value", [NAN, INF, -INF])
+@pytest.mark.parametrize(
+    ("limits", "level", "what", "value"),
+    each_once(["none", "joints", "joints and posture"], [0, 1, 2], ["jacobian", "error"], [NAN, INF, -INF]),
+)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_numbers_that_are_none_move_nothing_and_are_named(
     limits: str, level: int, what: str, value: float

@@ -65,7 +65,7 @@ def viable_start(robot: Robot, limits: JointLimits, rng: np.random.Generator) ->
 def test_runs_into_the_limits_cross_none(acceleration: float | None) -> None:
     rng = np.random.default_rng(1)
     runs, nearest = 0, np.inf
-    while runs < 300:
+    while runs < 100:
         robot = make_robot(ROBOTS[runs % 3])
         limits = JointLimits(acceleration=acceleration)
         limits.bind(robot)
@@ -74,7 +74,7 @@ def test_runs_into_the_limits_cross_none(acceleration: float | None) -> None:
         joints = DoubleIntegrators(robot, limits, dt)
         kind = int(rng.integers(4))
         held = requests(kind, rng, robot.na, 0.0, dt)
-        for tick in range(300):
+        for tick in range(250):
             joints.step(held if kind == 0 else requests(kind, rng, robot.na, tick * dt, dt))
             assert (joints.q <= limits.upper + TOLERANCE).all()
             assert (joints.q >= limits.lower - TOLERANCE).all()
@@ -116,7 +116,7 @@ def test_joint_never_passes_its_bound_between_ticks() -> None:
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize("speed", [0.0, -0.2, 0.25])
+@pytest.mark.parametrize("speed", by_default([0.0, -0.2, 0.25], 0.25))
 def test_the_way_back_into_the_range_is_no_faster_than_the_velocity_limit(side: float, speed: float) -> None:
     robot = make_robot("hrp4_class")
     limits = JointLimits(velocity_ratio=0.1)
@@ -132,7 +132,7 @@ def test_the_way_back_into_the_range_is_no_faster_than_the_velocity_limit(side: 
     assert (side * (before - joints.q) > 0.5 * np.minimum(limits.velocity, 0.3)).all()
 
 
-@pytest.mark.parametrize("dt", PERIODS)
+@pytest.mark.parametrize("dt", by_default(PERIODS, 0.0033))
 def test_joint_outside_its_limits_comes_back_and_stays(dt: float) -> None:
     rng = np.random.default_rng(3)
     robot = make_robot("talos")
@@ -158,7 +158,7 @@ def test_interval_is_never_empty_wherever_the_joints_are() -> None:
     for limits in (JointLimits(**kind) for kind in kinds):
         limits.bind(robot)
         rows, lower, upper = np.zeros((robot.na, robot.nv)), np.zeros(robot.na), np.zeros(robot.na)
-        for _ in range(300):
+        for _ in range(100):
             robot.q[7:] = rng.normal(scale=3.0, size=robot.na)
             robot.v[6:] = rng.normal(scale=30.0, size=robot.na)
             limits.write(float(rng.choice(PERIODS)), rows, lower, upper)
@@ -214,7 +214,7 @@ def test_a_drive_of_one_direction_is_not_asked_to_brake_with_what_it_lacks(
 ) -> None:
     """The joint is pulled into its bound; a drive without any torque against it keeps no bound there."""
     description = load("hrp4_class")
-    for joint in ("left_elbow_pitch", "neck_yaw", "left_wrist_yaw"):
+    for joint in ("left_elbow_pitch", "neck_yaw"):
         most = float(description.torque_limit[description.joint_names.index(joint)])
         weak, strong = -direction * share * most, direction * most
         robot = replace(description, torque_ranges={joint: (min(weak, strong), max(weak, strong))}).robot()
@@ -253,7 +253,7 @@ def test_a_joint_without_torque_and_without_bounds_makes_no_qp_wrong() -> None:
     np.testing.assert_array_equal(law(np.array([np.inf, np.inf, -0.1]), np.zeros(3)), np.inf)
 
 
-@pytest.mark.parametrize("always", [False, True])
+@pytest.mark.parametrize("always", by_default([False, True], False))
 def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> None:
     """Each tick has other wrenches, or some have; those of the solution follow on them without a jump."""
     controller = standing("hrp4_class", dt=0.002, posture=False)

@@ -32,14 +32,14 @@ def test_all_solvers_give_the_same_solution(solver: str) -> None:
     assert problems.step().ok
     other = QpSolver(problems.controller.problem, SolverSettings(solver=solver))
     active = 0
-    for _ in range(40):
+    for _ in range(15):
         solution = problems.step()
         assert solution.ok
         assert other.solve().ok
         nv = problems.controller.problem.nv
         np.testing.assert_allclose(other.x[:nv], solution.accelerations, atol=1e-4)
         active += int(np.count_nonzero(solution.multipliers))
-    assert active > 40
+    assert active > 15
     used = {name for name, count in other.counts.items() if count}
     expected = {"auto": "DAQP", "daqp": "DAQP"}.get(solver, "other")
     assert expected in used and "failed" not in used
@@ -83,7 +83,7 @@ def test_what_has_no_solution_is_told_by_every_solver() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "ticks"), [(range(6), 60), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
+    ("seeds", "ticks"), [(range(3), 50), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
 )
 def test_badly_scaled_ticks_are_solved_and_infeasible_ones_have_no_solution(seeds: range, ticks: int) -> None:
     """With friction down to 1e-6 and weights over twelve decades; the violations are those of a linear program."""

@@ -25,7 +25,7 @@ DT = 0.005
 POINTS = st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 3), min_size=2, max_size=5)
 
 
-@examples(12)
+@examples(6)
 @given(POINTS, st.floats(0.1, 2.0), st.floats(0.5, 5.0))
 def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     points: list[tuple[float, float, float]], speed: float, acceleration: float
@@ -61,7 +61,7 @@ def test_a_quintic_has_the_states_of_its_ends_and_its_own_derivatives() -> None:
         np.testing.assert_allclose(minimum_jerk(share), unit.at(share)[:2], atol=1e-12)
 
 
-@pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0)])
 def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[float, ...]) -> None:
     place, velocity = np.zeros(3), np.array([0.0, 0.3, 0.0])
     speeds, changes = [], []
@@ -82,7 +82,7 @@ def rates(path: Trajectory) -> tuple[float, float]:
     return tuple(np.linalg.norm(states[:, 1:], axis=2).max(axis=0).tolist())  # type: ignore[return-value]
 
 
-@examples(10)
+@examples(4)
 @given(st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.floats(0.02, 0.98), st.floats(0.05, 2.0))
 def test_a_path_that_begins_in_motion_takes_the_least_time_that_keeps_its_limits(
     goal: tuple[float, float, float], moment: float, speed: float
@@ -106,7 +106,7 @@ def test_a_path_that_begins_in_motion_takes_the_least_time_that_keeps_its_limits
 def test_a_duration_is_taken_if_and_only_if_it_keeps_the_limits() -> None:
     start: dict[str, Any] = {"velocity": [0.3, 0.0, 0.0], "acceleration_at_start": [1.0, 0.0, 0.0]}
     ends, taken = [np.zeros(3), np.array([0.1, 0.02, 0.0])], []
-    for duration in np.geomspace(0.05, 3.0, 16).tolist():
+    for duration in np.geomspace(0.05, 3.0, 8).tolist():
         curve = Quintic(
             (ends[0], np.array(start["velocity"]), np.array(start["acceleration_at_start"])),
             (ends[1], np.zeros(3), np.zeros(3)),
