@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from at_rest import at_rest
-from properties import by_default
 
 import wbc
 from wbc.base.errors import MeasurementError
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.estimation.wrenches import WrenchEstimator
+from wbc.core.estimation.checks.plausibility import Plausibility
+from wbc.core.estimation.checks.stamps import Stamps
 from wbc.core.qp.solving.solver import Status
 from wbc.core.signals import SIGNALS
 from wbc.sim import TrueFallDetector
@@ -58,16 +57,13 @@ def test_contradictory_hard_constraints_are_named() -> None:
     assert broken.diagnose() == {}
 
 
-@pytest.mark.parametrize("bad", [NAN, INF])
 @pytest.mark.parametrize("signal", SIGNALS)
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize(("kind", "bad"), [(PositionControl, NAN), (TorqueControl, INF)])
 def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
-    mode: str, signal: str, bad: float, caplog: pytest.LogCaptureFixture
+    kind: type[PositionControl | TorqueControl], signal: str, bad: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.CRITICAL)  # refusals are logged; here they are expected
-    struck, spared = (
-        (TorqueControl if mode == "torque" else PositionControl)(controller()) for _ in range(2)
-    )
+    struck, spared = (kind(controller()) for _ in range(2))
     for control in (struck, spared):
         for tick in range(3):
             control.command(at_rest(shared_robot(), tick * DT))
@@ -98,26 +94,24 @@ UNNEEDED = {
 """Signals that a robot balances without, and values that none of them can have."""
 
 
-@pytest.mark.parametrize("signal", UNNEEDED)
 @pytest.mark.parametrize("from_the_start", [True, False])
-def test_a_robot_stands_on_without_a_signal_that_it_does_not_need(
-    signal: str, from_the_start: bool, caplog: pytest.LogCaptureFixture
+def test_a_robot_stands_on_without_signals_that_it_does_not_need(
+    from_the_start: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Of whatever shape or value; it is named, and forgotten when it is good again: then the next value comes."""
+    """Of whatever shape or value; each is named, and forgotten when it is good again: then the next value comes."""
     caplog.set_level(logging.CRITICAL)
-    for k, bad in enumerate(UNNEEDED[signal][: 2 if from_the_start else None]):
-        if k == 0 or from_the_start:
-            plant = wbc.Plant("hrp4_class", control_period=0.004, noise="realistic", visuals=False)
-            control = TorqueControl(controller(plant.control_period))
-            begin = plant.truth().com
-            for _ in range(0 if from_the_start else 50):  # 0.2 s
-                plant.step(control.command(plant.measure()))
-        for _ in range(75 if from_the_start else 38):  # 0.3 s, or 0.15 s
-            plant.step(control.command(replace(plant.measure(), **{signal: bad})))
-        assert control.failures == 0 and np.abs(plant.truth().com - begin).max() < 0.02, bad
-        measured = control.measurement
-        assert control.sensing.plausibility.faults and measured is not None
-        assert (measured.wrench_source == "sensor") is (signal != "sole_wrench")
+    plant = wbc.Plant("hrp4_class", control_period=0.004, noise="realistic", visuals=False)
+    control, begin = TorqueControl(controller(plant.control_period)), plant.truth().com
+    for _ in range(0 if from_the_start else 50):  # 0.2 s
+        plant.step(control.command(plant.measure()))
+    wrong: list[dict[str, object]] = [{name: bad} for name, values in UNNEEDED.items() for bad in values]
+    for parts in [{name: values[1] for name, values in UNNEEDED.items()}] if from_the_start else wrong:
+        for _ in range(75 if from_the_start else 20):  # 0.3 s, or 0.08 s
+            plant.step(control.command(replace(plant.measure(), **parts)))  # type: ignore[arg-type]
+        assert control.failures == 0 and np.abs(plant.truth().com - begin).max() < 0.02, parts
+        measured, faults = control.measurement, control.sensing.plausibility.faults
+        assert faults and measured is not None
+        assert (measured.wrench_source == "sensor") is ("sole_wrench" not in parts)
         for _ in range(5):
             plant.step(control.command(plant.measure()))
         assert control.status() == "ok" and control.measurement.wrench_source == "sensor"  # type: ignore[union-attr]
@@ -219,12 +213,11 @@ def test_a_stamp_that_stands_while_signals_change_is_named_and_periods_are_count
 
 @pytest.mark.parametrize(("rate", "odd"), [(0.5, True), (1.5, True), (1.1, False)])
 def test_a_clock_whose_rate_changes_is_named_until_it_runs_as_before(rate: float, odd: bool) -> None:
-    control = TorqueControl(controller())
-    time, said = 0.0, []
+    stamps, time, said = Stamps(DT, 20, 0.03), 0.0, []
     for tick in range(600):
         time += DT * (rate if 150 <= tick < 400 else 1.0)
-        control.command(at_rest(shared_robot(), time))
-        said.append("the controller is made for" in control.status())
+        stamps.take(time, first=tick == 0, same=True)
+        said.append("the controller is made for" in stamps.pace)
     assert not any(said[:150]) and all(said[300:400]) is odd and any(said[150:400]) is odd
     assert not any(said[500:])
 
@@ -252,7 +245,7 @@ def test_an_observer_takes_arrays_of_real_numbers_alone(signal: str) -> None:
     right = moving(0)
     value = getattr(right, signal)
     wrong = [np.array(value, dtype=kind) for kind in (object, complex, bool, str)]
-    for each in (*wrong, "wrench", np.ma.array(value, mask=True)):
+    for each in (*wrong, "wrench", np.ma.array(value, mask=True), None, value.tolist()):
         with pytest.raises(MeasurementError):
             observer.update(replace(right, **{signal: each}))
     for time in ("x", None, 1j, True):
@@ -294,8 +287,7 @@ def test_a_law_that_returns_no_numbers_fails_the_tick_which_holds_the_last_comma
 @pytest.mark.parametrize("kind", ["rounded", "exact rest"])
 def test_a_robot_at_rest_may_repeat_its_measurements(kind: str) -> None:
     """Rounded readings of a motion that decays, and physics that put a robot to sleep."""
-    control = TorqueControl(controller())
-    rest = at_rest(shared_robot(), 0.0)
+    plausibility, rest = Plausibility(shared_robot(), DT), at_rest(shared_robot(), 0.0)
     for tick in range(400):
         decay = np.exp(-0.04 * tick) if kind == "rounded" or tick < 60 else 0.0
         parts = {"joint_position": 0.05 * decay, "joint_velocity": decay, "angular_velocity": 0.1 * decay}
@@ -306,8 +298,8 @@ def test_a_robot_at_rest_may_repeat_its_measurements(kind: str) -> None:
             for name, size in parts.items()
         }
         rounded = {name: np.round(value / step) * step if step else value for name, value in moved.items()}
-        control.command(replace(rest, time=tick * DT, **rounded))
-        assert not control.failing, control.status()
+        plausibility.check(replace(rest, time=tick * DT, **rounded))
+        assert not plausibility.faults
 
 
 def test_measurements_that_all_changed_and_stand_at_once_are_frozen() -> None:
@@ -318,7 +310,8 @@ def test_measurements_that_all_changed_and_stand_at_once_are_frozen() -> None:
     assert "the same measurement" in control.status()
 
 
-@pytest.mark.parametrize("joint", by_default(["left_knee_joint", "left_elbow_joint"], "left_knee_joint"))
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["left_knee_joint", "left_elbow_joint"])
 def test_a_robot_stands_on_an_encoder_that_jumps_within_its_range_and_names_it(joint: str) -> None:
     """It is used once its joint could have come there; a tick that went on without it would stop the robot."""
     plant = wbc.Plant("g1", control_period=0.004, noise="realistic", seed=1, visuals=False)
@@ -332,22 +325,3 @@ def test_a_robot_stands_on_an_encoder_that_jumps_within_its_range_and_names_it(j
         said.add(walking.status())
     assert walking.drives.failures == 0 and not TrueFallDetector(plant.robot).fallen(plant.truth().q)
     assert any(f"{joint} contradicts" in status for status in said)
-
-
-@pytest.mark.parametrize("signal", SIGNALS)
-@pytest.mark.parametrize("make", [lambda value: None, lambda value: value.tolist(), lambda value: value[:-1]])
-def test_an_observer_of_ones_own_refuses_what_is_no_array_of_the_signal(signal: str, make: Callable) -> None:
-    measurement = at_rest(shared_robot(), 0.0)
-    broken = replace(measurement, **{signal: make(getattr(measurement, signal))})
-    with pytest.raises(MeasurementError, match=signal):
-        wbc.Observer(shared_robot().clone()).update(broken)
-
-
-def test_an_estimator_of_wrenches_that_is_reset_knows_no_commands() -> None:
-    estimator = WrenchEstimator(shared_robot(), DT)
-    control = PositionControl(controller())
-    measurement = replace(at_rest(shared_robot(), 0.0), joint_torque=None)
-    estimator.sent(control.command(measurement))
-    assert estimator.torque(measurement) is not None
-    estimator.reset()
-    assert estimator.torque(measurement) is None

@@ -155,7 +155,7 @@ def test_a_sensor_that_fails_now_and_then_is_logged_once(caplog: pytest.LogCaptu
     ]
 
 
-@pytest.mark.parametrize("signs", [(1, -1), (-1, -1), (1, 1)])
+@pytest.mark.parametrize("signs", [(1, -1), (1, 1)])
 def test_a_force_sensor_with_the_other_sign_is_named_and_the_robot_stands_on(signs: tuple[int, int]) -> None:
     plant = Plant("g1", control_period=0.002, visuals=False)
     control = TorqueControl(balance_controller(plant.description.robot(), 0.002))
@@ -298,6 +298,7 @@ def test_an_encoder_that_drifts_from_its_velocity_is_named_and_nothing_else(
     assert 1.0 < found[0][0] < 1.0 + within
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("weak", "push", "doubted"),
     [(1.0, 0.0, False), (1.0, 0.3, False), (0.5, 0.0, True)],
@@ -328,7 +329,7 @@ def test_a_robot_that_sinks_and_tilts_on_weak_drives_is_not_well(
 
 @pytest.mark.parametrize(
     ("axis", "acceleration", "least"),
-    [(0, 10.0, 1.0), (2, -8.0, 1.0), (3, 30.0, 4.0), (4, -40.0, 4.0), (4, 12.0, 4.0), (5, 60.0, np.inf)],
+    [(0, 10.0, 1.0), (2, -8.0, 1.0), (4, -40.0, 4.0), (4, 12.0, 4.0), (5, 60.0, np.inf)],
 )
 def test_a_trunk_that_does_not_follow_is_doubted_unless_it_turns_on_feet_that_slip(
     axis: int, acceleration: float, least: float
@@ -348,7 +349,7 @@ def test_a_trunk_that_does_not_follow_is_doubted_unless_it_turns_on_feet_that_sl
     assert first == pytest.approx(passed + 0.2, abs=0.11)  # it is looked at every 50 ms
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.95, 1.05])
+@pytest.mark.parametrize("scale", [0.95, 1.05])
 def test_an_encoder_with_an_offset_or_a_velocity_with_a_scale_does_not_drift(scale: float) -> None:
     assert not drifting(lambda time: 0.05 * (time > 1.0), scale=scale)
 
@@ -464,9 +465,11 @@ def test_feet_tell_which_force_sensor_is_wrong() -> None:
         assert told(lambda _: (0.6, 0.0), lambda time, axis=axis: swings(time, axis)) == []
 
 
-@pytest.mark.parametrize("push", [0.0, 6.0])
-@pytest.mark.parametrize("carrying", [(0.5, 0.5), (1.0, 0.0), (0.0, 1.0)])
-@pytest.mark.parametrize("rate", [0.1, -0.4, 3.5])
+@pytest.mark.parametrize(
+    ("rate", "carrying", "push"),
+    [(0.1, (0.5, 0.5), 0.0), (-0.4, (0.5, 0.5), 6.0), (0.1, (1.0, 0.0), 6.0), (3.5, (1.0, 0.0), 0.0)]
+    + [(-0.4, (0.0, 1.0), 0.0), (3.5, (0.0, 1.0), 6.0)],
+)
 def test_a_foot_that_turns_without_the_accelerometer_shows_a_wrong_gyroscope(
     rate: float, carrying: tuple[float, float], push: float
 ) -> None:

@@ -109,9 +109,9 @@ def turn_on_a_plate(observer: Observer, rates: Sequence[float], dt: float, bias:
 def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_much() -> None:
     """They turn at a third of the speed of a spin."""
     observer, dt, rate, total = Observer(biped()), 0.005, 0.03, 0.0
-    rates = [rate if 3500 <= k < 4500 else 0.0 for k in range(5000)]
+    rates = [rate if 2000 <= k < 3000 else 0.0 for k in range(3200)]
     for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.004)):
-        if k < 3500:
+        if k < 2000:
             observer.inertial.learn_bias()
         else:
             total += turned
@@ -131,10 +131,9 @@ def test_feet_that_turn_for_a_moment_in_a_stand_hardly_move_the_bias() -> None:
     assert total == pytest.approx(0.0, abs=0.2 * 0.08 * 2000 * dt / 8.0)
 
 
-@pytest.mark.parametrize("bias", [0.0, 0.004])
-def test_a_stand_after_feet_have_turned_leaves_the_bias_of_the_gyroscope(bias: float) -> None:
+def test_a_stand_after_feet_have_turned_leaves_the_bias_of_the_gyroscope() -> None:
     """In a stand of 1 s the bias of the filter is still wrong by more than 0.01 rad/s."""
-    observer, dt, total = Observer(biped()), 0.005, 0.0
+    observer, dt, total, bias = Observer(biped()), 0.005, 0.0, 0.004
     rates = [0.05 if 1600 <= k < 2400 else 0.0 for k in range(4600)]
     for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, bias)):
         if k < 1600 or 2400 <= k < 2600:
