@@ -461,17 +461,3 @@ def test_a_clock_that_is_a_fifth_faster_or_slower_than_the_controller_is_named(
         assert bool(checks.stamps.pace) == (said and tick >= 50)
     if said:
         assert checks.stamps.pace.startswith(f"measurements come every {1e3 * ratio * DT:.3g} ms")
-
-
-@pytest.mark.parametrize("share", [0.24, 0.26])
-def test_a_pull_of_a_quarter_of_the_weight_for_a_tenth_of_a_second_has_the_other_sign(share: float) -> None:
-    checks, wrench = Plausibility(HRP4, DT), rest(0.0).wrenches.copy()
-    wrench[1, 2] = -share * WEIGHT
-    for tick in range(30):
-        checks.check(rest(tick * DT, sole_wrench=wrench, joint_position=HRP4.half_sitting[7:] + 1e-6 * tick))
-        if tick != 19:  # the tenth of a second to the bit
-            assert bool(checks.pull) == (share > 0.25 and tick > 19)
-    if share > 0.25:
-        assert checks.pull.startswith(f"force sensor of right_foot reads {-share * WEIGHT:.4g} N")
-        checks.check(rest(30 * DT))
-        assert not checks.pull, "it reads as a right one again"

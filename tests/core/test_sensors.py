@@ -155,37 +155,6 @@ def test_a_sensor_that_fails_now_and_then_is_logged_once(caplog: pytest.LogCaptu
     ]
 
 
-@pytest.mark.parametrize("signs", [(1, -1), (1, 1)])
-def test_a_force_sensor_with_the_other_sign_is_named_and_the_robot_stands_on(signs: tuple[int, int]) -> None:
-    plant = Plant("g1", control_period=0.002, visuals=False)
-    control = TorqueControl(balance_controller(plant.description.robot(), 0.002))
-    while plant.time < 0.3:
-        measured = plant.measure()
-        turned = np.array(signs)[:, None] * measured.wrenches
-        plant.step(control.command(replace(measured, sole_wrench=turned)))
-    named = control.sensing.plausibility.pull
-    assert bool(named) == (-1 in signs) and named in control.status() and control.failures == 0
-    plausibility = control.sensing.plausibility
-    if named:
-        for _ in range(3):  # put right
-            measured = plant.measure()
-            plant.step(control.command(measured))
-        assert not plausibility.pull
-
-
-def test_a_foot_in_the_air_and_an_estimate_are_no_sensor_of_the_other_sign() -> None:
-    plausibility = Plausibility(ROBOT, DT)
-    wrench = np.zeros((2, 6))
-    for tick in range(60):
-        wrench[0, 2] = WEIGHT if tick % 20 else -2.0 * WEIGHT  # a blow of one tick
-        wrench[1, 2] = -0.06 * WEIGHT  # a heavy sole that hangs on its sensor
-        plausibility.check(at_rest(ROBOT, tick * DT, sole_wrench=wrench))
-        assert not plausibility.pull
-    for tick in range(60, 120):
-        plausibility.check(at_rest(ROBOT, tick * DT, sole_wrench=-wrench - WEIGHT), felt=False)
-    assert not plausibility.pull
-
-
 @pytest.mark.parametrize("lost", [1, 4])
 def test_predictions_are_over_the_time_that_has_passed_where_measurements_are_lost(lost: int) -> None:
     plausibility, passed, rate = Plausibility(ROBOT, DT), (1 + lost) * DT, np.full(ROBOT.na, 0.3)

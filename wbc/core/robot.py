@@ -173,21 +173,9 @@ class Robot:
     ) -> None:
         """Make a robot from a complete model, which has limits, armature and sole frames; see the attributes.
 
-        Args:
-            model: Pinocchio model with a free-flyer root joint, or without a root joint for a bolted base. All other
-                joints have one degree of freedom. Joints that mimic another joint are coupled to it.
-            soles: The soles, left first.
-            half_sitting: Reference configuration, shape (nq,).
-            torso_frame: The root when None.
-            imu_frame: The root when None.
-            frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
-            servos: Gains of the servos.
-            springs: Stiffness, Nm/rad, and rest position, rad, of springs, each of shape (na,).
-            damping: Viscous damping of the joints, shape (na,), Nms/rad.
-            torque_lower: Smallest joint torques, shape (na,), Nm (or N); the negative torque limits of the model when
-                None.
-            passive: Joints without a drive.
-            closures: Closures of kinematic chains.
+        The Pinocchio model has a free-flyer root joint, or no root joint for a bolted base. All other joints have one
+        degree of freedom; joints that mimic another joint are coupled to it. The frames of torso and IMU are the root
+        when None. The smallest torques are the negative torque limits of the model when None; `passive` are names.
         """
         self.model, self.name = model, str(model.name)
         self._read_joints()

@@ -74,13 +74,9 @@ class SoleLoads:
         return q
 
     def adopt(self, time: float, q: Array, v: Array, normal: Array) -> None:
-        """Go on from what an observer has estimated.
+        """Go on from what an observer has estimated at a time stamp, s, and from the normal forces on the soles, N.
 
-        Args:
-            time: Stamp of its last measurement, s.
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            normal: Normal forces on the soles, shape (number of soles,), N.
+        Configuration and velocity have the shapes (nq,) and (nv,), the forces (number of soles,).
         """
         self._attitude = pin.Quaternion(q[3:7]).matrix()
         self._speed = self._attitude @ v[:3]

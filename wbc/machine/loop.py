@@ -100,12 +100,7 @@ class DriverLoop:
 
     @checked
     def __init__(self, driver: Driver, control_period: Period) -> None:
-        """Store the driver.
-
-        Args:
-            driver: Wire to the machine.
-            control_period: Period of the machine's measurements, s.
-        """
+        """Store the wire to the machine, and the period of its measurements, s."""
         check_described("driver", driver)
         self.description = driver.description
         self.control_period = control_period

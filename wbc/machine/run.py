@@ -103,13 +103,7 @@ class Runner:
     def run(self, until: Annotated[NonNegative, "s"] | Callable[[], bool] | None = None) -> RunReport:
         """Run until the end or a stop; SIGINT or SIGTERM stops, a second signal is an emergency stop.
 
-        Args:
-            until: Time of the end from the beginning, s, or a function that is called in every tick and returns True at
-                the end.
-
-        Raises:
-            MachineError: No measurement arrives that can be used, the guard cannot use the driver, or the joints could
-                not be damped at the end.
+        The time of the end and errors are as in `run`.
         """
         if self._ran:
             raise InputError("a Runner runs once: make another one")

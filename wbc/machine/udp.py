@@ -271,16 +271,10 @@ class UdpDriver(Driver):
         *,
         secret: str | None = None,
     ) -> None:
-        """Store the address; the socket is opened at the first call.
+        """Store the robot, or the name of one, and the address; the socket is opened at the first call.
 
-        Args:
-            description: The robot, or the name of one.
-            host: Host of the robot.
-            port: Its port.
-            secret: Secret that is shared with the robot and signs the packets; needed for a robot on another computer.
-
-        Raises:
-            InputError: The port is out of range, or the secret is missing or too short.
+        The secret is shared with the robot and signs the packets; it is needed for a robot on another computer. Raises
+        `InputError` where it is missing or too short, or the port is out of range.
         """
         description = as_description(description)
         self.description, self.address = description, (host, port)
@@ -380,17 +374,10 @@ class UdpRobot:
         *,
         secret: str | None = None,
     ) -> None:
-        """Listen.
+        """Listen at a port of the host, any free one when 0, as the robot or the one of that name.
 
-        Args:
-            description: The robot, or the name of one.
-            port: Port to listen at; any free port when 0.
-            host: Address to listen at.
-            secret: Secret that is shared with the drivers and signs the packets; needed if other computers can connect.
-
-        Raises:
-            InputError: The port is in use or out of range, the address is not one of this machine, or the secret is
-                missing or too short.
+        The secret is shared with the drivers and signs the packets; it is needed if other computers can connect. Raises
+        `InputError` where it is missing or too short, the port is in use or out of range, or the host is not here.
         """
         description = as_description(description)
         self._names = tuple(description.joint_names)

@@ -288,7 +288,8 @@ class DriveControl(Control):
             parts.append(f"refused: {few(plausibility.faults)}")
         if sensing.accelerometer.left_out:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
-        parts += [each for each in (plausibility.pull, plausibility.stamps.pace) if each]
+        if plausibility.stamps.pace:
+            parts.append(plausibility.stamps.pace)
         if monitor is not None and monitor.doubts:
             parts.append(f"doubtful: {', '.join(monitor.doubts)}")
         if self.solution is not None and not record.failing:

@@ -55,19 +55,11 @@ class PositionControl(DriveControl):
         reference_time: Annotated[Positive, "s"] = 0.1,
         safety: SafetySettings | None = None,
     ) -> None:
-        """See `DriveControl`.
+        """See `DriveControl`, and the attributes.
 
-        Args:
-            controller: The controller. With open feedback its robot becomes the commanded robot, which starts from its
-                present state.
-            observer: Observer of the same robot model; a new one when None. With open feedback its robot is another one
-                than the controller's.
-            failure_policy: Reaction to failures.
-            feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution to the commands, so that the servos do not sag under the weight
-                of the robot.
-            reference_time: Time constant with which the references converge to the estimate with closed feedback, s.
-            safety: Ranges of measurements and commands.
+        With open feedback the controller's robot becomes the commanded robot, which starts from its present state; the
+        observer's robot is another one. With closed feedback `reference_time` is the time constant with which the
+        references converge to the estimate, s. Without the torques of the solution servos sag under the weight.
         """
         if feedback == "open" and observer is not None and observer.robot is controller.robot:
             raise InputError(

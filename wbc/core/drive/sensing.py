@@ -115,11 +115,7 @@ class Sensing:
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
             measurement = self._estimator().fill(measurement)
-        stands = (
-            self.falls.reason is None
-        )  # what its feet and its IMU read where it lies says nothing of them
-        felt = stands and not blind
-        measurement, renewed = self.plausibility.check(measurement, felt=felt, forgiven=forgiven)
+        measurement, renewed = self.plausibility.check(measurement, forgiven=forgiven)
         if measurement.sole_wrench is None:  # a sensor that is refused for too long
             blind, measurement = True, self._estimator().fill(measurement)
         observer = self.observer
@@ -131,7 +127,8 @@ class Sensing:
             measurement = self._estimator().observe(
                 measurement, *observer.measured_state, observer.rest.lifts
             )
-        if self.monitor is not None and stands:
+        # What feet and IMU of a robot that lies read says nothing of them.
+        if self.monitor is not None and self.falls.reason is None:
             asked = self._asked if follows else None
             self.monitor.update(self.plausibility.values, measurement, observer, asked)
         self.measurement = measurement

@@ -109,18 +109,11 @@ class HybridControl(TorqueControl):
         reference_time: Annotated[NonNegative, "s"] = 0.02,
         safety: SafetySettings | None = None,
     ) -> None:
-        """See `DriveControl`.
+        """See `TorqueControl`, and the attributes.
 
-        Args:
-            controller: The controller.
-            observer: Observer of the same robot model, as in torque control; a new one when None.
-            failure_policy: Reaction to failures.
-            kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description, which
-                must then have one; if that was derived and not given, a softer share of it (`Servos.soft`).
-            kd: Damping in the commands, shape (na,), Nms/rad; chosen in the same way when None.
-            reference_time: Time constant with which the position references converge to the estimated positions, s;
-                with 0 they start from the estimate at every tick.
-            safety: Ranges of measurements and commands.
+        Gains that are None are those of the robot's description, which must then have them; of those that were derived
+        and not given it is a softer share (`Servos.soft`). `reference_time` is the time constant with which position
+        references converge to the estimated positions, s; with 0 they start from the estimate at every tick.
         """
         super().__init__(controller, observer, failure_policy, safety=safety)
         robot = controller.robot

@@ -75,15 +75,6 @@ RESTS = 1e-4
 QUIET = 1.0
 """Time for which a sensor must have been good before the log names it again, s."""
 
-PULLED = 0.25
-"""Force by which the ground cannot pull a foot, as a share of the weight."""
-
-PULL_TIME = 0.1
-"""Time for which a sensor must read such a pull until it is named, s.
-
-In the air a sensor reads the inertia of the sole below it, for a shorter time.
-"""
-
 HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
 """Advice of the first message about a sensor."""
 
@@ -95,7 +86,6 @@ class Plausibility:
         settings: Its `PlausibilitySettings`.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
         stamps: Check of the time stamps; `pace` is its sentence.
-        pull: Sentence that a force sensor reads a pull of the ground, which a wrong sign does; empty while none has.
         reasons: Readings of the encoders, the IMU and the soles that are refused at present, the worst of each sensor.
     """
 
@@ -152,11 +142,9 @@ class Plausibility:
 
     def reset(self) -> None:
         """Forget the past; the next measurement is taken as the first one."""
-        self._faults: tuple[str, ...] = ()
-        self._optional_faults: tuple[str, ...] = ()
         self.reasons: tuple[Refusal, ...] = ()
+        self._left_out: Sequence[Refusal] = ()  # of signals that a robot balances without
         self._refused_at: dict[str, float] = {}  # sensor → time of its last refusal, s
-        self.pull, self._pulled = "", 0.0
         self._values: Array | None = None
         self.stamps.reset()
         self._identical, self._changed_at, self._sudden = 0, math.nan, False
@@ -165,12 +153,11 @@ class Plausibility:
         self._repeated: tuple[str, ...] = ()  # the sentence that the last tick brought nothing new
 
     def check(
-        self, measurement: Measurement, *, felt: bool = True, forgiven: NDArray[np.bool_] | None = None
+        self, measurement: Measurement, *, forgiven: NDArray[np.bool_] | None = None
     ) -> tuple[Measurement, bool]:
         """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
 
-        The wrenches on the soles are those of sensors of a robot on its feet where they are `felt`. Encoders of the
-        joints that are `forgiven`, shape (na,), fail no tick: somebody else moves these joints.
+        Encoders of the joints that are `forgiven`, shape (na,), fail no tick: somebody else moves these joints.
 
         Refused readings are replaced by predictions, and `sole_wrench` is None while a force sensor is longer
         refused than `hold`. Raises `MeasurementError` for one that cannot be used: of a wrong kind, a time stamp that
@@ -196,18 +183,16 @@ class Plausibility:
             self._check_frozen(values, stamp)
         else:
             self._older, self._identical, self._changed_at = last, 0, stamp
-        if self._within(values, last) and not self._faults:
+        if self._within(values, last) and not self.reasons:
             self._values = values
         else:
             passed = stamps.time - before
             passed = passed if passed > 0.0 and not renewed else self._dt
             m = self._repair(m, values, passed, forgiven, unformed)
-        if felt and m.sole_wrench is not None:
-            self._check_pull(m.sole_wrench)
-        m, faults = self._optional.check(m)
-        if faults or self._optional_faults:
-            self._say(m.time, faults)
-            self._optional_faults = tuple(each.sensor for each in faults)
+        m, left_out = self._optional.check(m)
+        if left_out or self._left_out:
+            self._say(m.time, left_out)
+            self._left_out = left_out
         return m, renewed
 
     def _last_for(self, times: Array) -> None:
@@ -223,22 +208,10 @@ class Plausibility:
         excess -= self._most
         return largest(self._all_excess) <= 0.0
 
-    def _check_pull(self, wrenches: Array) -> None:
-        """Name a force sensor by which the ground pulls its foot for a while, which no ground does."""
-        normal, least = wrenches[:, 2].tolist(), PULLED * self._weight
-        lowest = min(normal)
-        self._pulled = self._pulled + self._dt if lowest < -least else 0.0
-        if self._pulled > PULL_TIME and not self.pull:
-            side = self._channels[2 * self._na + 2 + normal.index(lowest)]
-            self.pull = f"{side} reads {lowest:.4g} N along the normal, as if the ground pulled: has it the other sign?"
-            logger.error("%s %s", self.pull, HINT)
-        elif self.pull and lowest > -0.5 * least and max(normal) > least:  # as right ones read on the ground
-            self.pull = ""
-
     @property
     def faults(self) -> tuple[str, ...]:
         """Sensors refused at present, such as "encoder of left_knee", or a measurement that repeats the last one."""
-        return self._faults + self._optional_faults + self._repeated
+        return *(each.sensor for each in (*self.reasons, *self._left_out)), *self._repeated
 
     @property
     def values(self) -> Array:
@@ -258,7 +231,7 @@ class Plausibility:
             return np.full(n, np.nan), np.full(n, np.nan)
         values = np.concatenate((position, velocity))
         good = np.abs(values - self._middle[: 2 * n]) <= self._bound[: 2 * n]
-        if self._faults:
+        if self.reasons:
             good &= self._lasting[: 2 * n] == 0.0
         if not good.all():
             values[~good] = np.nan
@@ -331,14 +304,12 @@ class Plausibility:
         wrong: NDArray[np.bool_] = ~np.logical_and.reduce(self._excess <= 0.0)  # NaN is wrong
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
-        names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
         self.reasons = tuple(
             self._reason(channel, values, wrong, unformed) for channel in np.flatnonzero(bad).tolist()
         )
         self._say(m.time, self.reasons)
         self._last_for(np.where(bad, self._lasting + dt, 0.0))
-        self._faults = names
-        if not names:
+        if not self.reasons:
             self._values = values
             return m
         needed, longest = 2 * na + 2, self.settings.hold + ROUNDING  # a robot balances without force sensors
