@@ -60,7 +60,7 @@ class BalanceTask(Scene):
     joint limit is active.
 
     Attributes:
-        numbers: Numbers of the task by name: `TASK` of `wbc.app.bench`.
+        numbers: Numbers of the task by name: `TASK` of `wbc.app.commands.bench`.
         period: Control period, s.
         warm_up: Ticks before the measured ones, in which the velocity jump of the start dies out.
         ticks: Ticks measured.

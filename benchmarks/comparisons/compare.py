@@ -29,7 +29,7 @@ from balance import BalanceTask, Scene
 from kinematics import KinematicScene
 
 import wbc
-from wbc.app.bench import TASK
+from wbc.app.commands.bench import TASK
 
 HERE = Path(__file__).resolve().parent
 TALOS = "cmeel.prefix/share/example-robot-data/robots/talos_data"

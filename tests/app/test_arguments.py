@@ -16,14 +16,11 @@ from wbc.app.arguments import Fields, attribute_docs, made_of, prepare
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.commands import robots as robots_command
 from wbc.app.commands.robots import RobotFileOptions
-from wbc.app.commands.terrain import TerrainOptions, describe_terrain, list_terrains
+from wbc.app.commands.terrain import TerrainOptions, describe_terrain
 from wbc.app.commands.view_log import ViewOptions
 from wbc.app.commands.walk import (
     DRIVE_TIME,
-    PLANT,
-    WALK_PRESETS,
     WalkOptions,
-    _usual,
     place_of,
     read_spec,
     walk_spec,
@@ -356,40 +353,10 @@ def test_options_of_a_film_belong_to_films_and_ports_to_pages(values: dict[str, 
             ViewOptions(**values)
 
 
-def test_grounds_and_scenes_are_listed_with_units_and_choices(capsys: Said) -> None:
-    assert main(["terrain"]) == RAN
-    text = capsys.readouterr().out
-    listed = list_terrains()
-    for each in (*listed["terrains"], *listed["scenes"]):
-        for parameter in each["parameters"]:
-            unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-            choices = f" ({', '.join(parameter['choices'])})" if parameter["choices"] else ""
-            assert (
-                f"    {parameter['name']} = {parameter['default']}{unit}  {parameter['about']}{choices}\n"
-                in f"{text}\n"
-            )
-    for words in (["--seed", "3"], ["--clearance", "0.1"], ["--param", "a=1"]):
-        assert main(["terrain", *words]) == BAD_INPUT
-        assert words[0] in capsys.readouterr().err
-
-
 def test_roughness_of_a_ground_is_named_with_its_units(capsys: Said) -> None:
     assert main(["terrain", "flat", "--json"]) == RAN
     facts = json.loads(capsys.readouterr().out)
     assert "Sq_m" in facts["roughness"] and "K" in facts["roughness"] and facts["clears"]
-    with pytest.warns(UserWarning, match="50 mm"):
-        facts = describe_terrain("stones", TerrainOptions(clearance=0.01), {"amplitude": 0.05, "seed": 1})
+    with pytest.warns(UserWarning, match="90 mm"):
+        facts = describe_terrain("stones", TerrainOptions(), {"amplitude": 0.09, "seed": 1})
     assert not facts["clears"]
-
-
-def test_the_preset_of_the_command_is_that_of_a_plant_and_of_no_trained_policy() -> None:
-    usual = WALK_PRESETS[USUAL]
-    for given, has in (
-        ({}, True),
-        ({"loop": PLANT}, True),
-        ({"loop": "mujoco"}, False),
-        ({"trained": "a.onnx"}, False),
-        ({"loop": PLANT, "trained": "a.onnx"}, False),
-        ({"loop": "mujoco", "trained": "a.onnx"}, False),
-    ):
-        assert _usual(given) == (usual if has else {})

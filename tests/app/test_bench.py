@@ -13,9 +13,17 @@ import pinocchio as pin
 import pytest
 from properties import by_default
 
-from wbc.app import bench
-from wbc.app.bench import CLEARANCE, FALL_BACK, TASK, BenchTickOptions, bench_tick, start_configuration, sway
 from wbc.app.cli import RAN, main
+from wbc.app.commands import bench
+from wbc.app.commands.bench import (
+    CLEARANCE,
+    FALL_BACK,
+    TASK,
+    BenchTickOptions,
+    bench_tick,
+    start_configuration,
+    sway,
+)
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
 from wbc.robots import load, names

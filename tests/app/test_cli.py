@@ -117,6 +117,7 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
     assert done.stdout and not done.stderr.strip()
 
 
+@pytest.mark.slow  # a process that imports the library
 def test_a_reader_that_goes_away_is_no_failure() -> None:
     program = [sys.executable, "-m", "wbc", "robots", "hrp4_class"]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

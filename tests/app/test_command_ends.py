@@ -20,7 +20,7 @@ import pytest
 
 from wbc.app import cli
 from wbc.app.cli import BAD_INPUT, FAILED, INTERRUPTED, LONGEST_LINE, RAN, main
-from wbc.app.commands.study import run as run_command
+from wbc.app.commands import study as run_command
 from wbc.app.commands.walk import (
     DRIVE_TIME,
 )
@@ -157,43 +157,6 @@ def test_ctrl_c_ends_a_trial_and_a_second_one_interrupts() -> None:
 PLAIN = {"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": [0, 1, 2], "metric": "steps_done"}
 
 
-def test_a_sweep_tells_how_far_it_has_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[dict[str, Any]] = []
-
-    class Bar:
-        get_default_columns = staticmethod(lambda: ())
-
-        def __init__(self, *_: Any, **__: Any) -> None:
-            pass
-
-        def __enter__(self) -> Any:
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            pass
-
-        def add_task(self, name: str, **how: Any) -> int:
-            told.append(how)
-            return 0
-
-        def update(self, task: int, **how: Any) -> None:
-            told.append(how)
-
-    def sweep(specs: Any, journal: Any, progress: Any, **how: Any) -> Any:
-        for run, rate in ((0, None), (2, 36.4)):
-            progress(SimpleNamespace(found=1, run=run, total=3, per_hour=rate))
-        assert how["workers"] == 1 and not how["retry"]
-        return "summary"
-
-    monkeypatch.setattr(run_command, "Progress", Bar)
-    monkeypatch.setattr(run_command, "sweep", sweep)
-    study = Study.from_json(PLAIN)
-    made = run_command.RunOptions(journal=tmp_path / "j.jsonl")
-    assert run_command.run_trials(study, made) == "summary"  # type: ignore[comparison-overlap]
-    assert told[0]["total"] == 3
-    assert [(each["completed"], each["rate"]) for each in told[1:]] == [(1, ""), (3, "36 an hour")]
-
-
 def test_an_interrupted_sweep_says_what_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
@@ -217,7 +180,7 @@ def test_an_interrupted_sweep_says_what_is_kept(
 
 
 def test_a_text_that_would_be_a_formula_is_none_in_a_spreadsheet() -> None:
-    from wbc.app.commands.study.show import _cell  # noqa: PLC0415
+    from wbc.app.commands.study import _cell  # noqa: PLC0415
 
     assert [_cell(value) for value in ("=1", " +1", "-1", "@a", "a=1", 3.5, None)] == [
         "'=1",

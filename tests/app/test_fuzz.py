@@ -127,7 +127,7 @@ BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-ALIKE = ("pipe.npy", "pipe.xml", "big.png")
+ALIKE = ("pipe.npy", "pipe.xml", "big.png", "zero.json", "digits.toml", "huge.xml")
 """Files that cannot be used for a reason that another one shows by default."""
 
 

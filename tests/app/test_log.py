@@ -17,9 +17,9 @@ import polars as pl
 import pyarrow as pa
 import pytest
 from full_disk import limited_file_size
+from known_walk import TICKS, other
 from log_writing import HEADER, made_log, signals, values, write
 from pyarrow import ipc
-from recorded import recorded_walk
 
 from wbc.app.drift import Drift
 from wbc.app.log import reader, writer
@@ -211,7 +211,8 @@ READERS: dict[str, tuple[Callable[[Log], object], tuple[str, ...]]] = {
 )
 def test_a_log_without_a_column_is_refused_by_what_needs_it(tmp_path: Path, name: str, column: str) -> None:
     """A vector without one of its parts, above all: its values would be those of another one."""
-    table = ipc.open_file(recorded_walk()).read_all().drop_columns([column])
+    log = other(tmp_path, {"truth/push/force": np.zeros((TICKS, 3))})
+    table = ipc.open_file(log.path).read_all().drop_columns([column])
     with ipc.new_file(tmp_path / "walk.arrow", table.schema) as out:
         out.write_table(table)
     with pytest.raises(InputError, match=f"walk.arrow has no.*{column}"):

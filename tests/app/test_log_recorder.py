@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from dataclasses import replace
@@ -18,7 +19,6 @@ from wbc.app.log.header import KEY, decode, encode, make_header, read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.log.signals import Tick
-from wbc.app.plot.figures import draw
 from wbc.base.errors import InputError
 from wbc.base.settings import from_json, to_json
 from wbc.core.qp.solving.solution import Solution
@@ -37,28 +37,18 @@ def seen(
     plant: wbc.Plant, walk: WalkingControl, measurement: Measurement, command: Command
 ) -> dict[str, Any]:
     """Return copies of what a tick knew, one of each source of signals."""
-    estimate, solution, reference, output = (
-        walk.drives.observer.robot,
-        walk.drives.solution,
-        walk.reference,
-        walk.output,
-    )
-    assert solution is not None and reference is not None and output is not None
+    estimate, solution, reference = walk.drives.observer.robot, walk.drives.solution, walk.reference
+    assert solution is not None and reference is not None
     return {
         "time": measurement.time,
-        "joint/position": measurement.joint_position.copy(),
         "foot/left/wrench_measured": measurement.sole_wrench[0].copy(),
         "joint/torque_command": command.joint_torque.copy(),
-        "joint/position_reference": np.array(command.joint_position),
         "com/estimated": np.array(estimate.com),
         "com/reference": np.array(reference.pendulum.com),
-        "zmp/measured": np.array(output.measured_zmp),
         "foot/right/wrench_solved": solution.wrenches["right_foot"].copy(),
         "foot/left/contact": float(reference.progress.contact[0]),
-        "foot/left/reference/position": reference.feet[0].placement.translation.copy(),
         "truth/com": plant.truth().com.copy(),
         "walk/phase": reference.progress.phase.value,
-        "solver/status": solution.status.value,
     }
 
 
@@ -66,9 +56,9 @@ def test_a_log_holds_every_tick(tmp_path: Path) -> None:
     plant, walk = make_walk(velocity_ratio=0.25)  # so that limits push
     ticks: list[dict[str, Any]] = []
     with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 0.9, record, lambda *tick: ticks.append(seen(*tick)))
+        run(plant, walk, 0.5, record, lambda *tick: ticks.append(seen(*tick)))
     log = Log.open(tmp_path / "walk.arrow")
-    assert len(log) == len(ticks) == 180
+    assert len(log) == len(ticks) == 100
     for name in ticks[0]:
         expected = [tick[name] for tick in ticks]
         if isinstance(expected[0], str):
@@ -198,9 +188,14 @@ def test_tasks_that_come_and_go_leave_right_numbers_and_gaps(tmp_path: Path) -> 
     assert np.isfinite(log["com/estimated"]).all()
 
 
+@functools.cache
+def standing() -> tuple[wbc.Plant, wbc.PositionControl]:
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"), visuals=False)
+    return plant, wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
+
+
 def record_standing(path: Path, ticks: int, *signals: Any, **options: Any) -> Log:
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
+    plant, control = standing()
     measurement, command = plant.measure(), plant.hold()
     with Recorder(path) as record:
         record.add(*signals, **options)
@@ -294,14 +289,6 @@ def test_what_soles_have_seen_and_decided_is_recorded_once_a_step() -> None:
     commanded = log["foot/left/stiffness_command"]
     assert np.ptp(commanded[np.isfinite(commanded)]) + np.ptp(log["foot/right/stiffness"]) > 1.0
     assert np.isfinite(log["foot/left/range"]).mean() > 0.5
-    figure = draw("stiffness", [log])
-    lines = [line.get_ydata() for line in figure.axes[2].get_lines()]
-    assert any(
-        np.array_equal(line, 1e3 * z)
-        for z in log.lists("stiffness/scan/z")
-        if z is not None
-        for line in lines
-    )
 
 
 @pytest.mark.parametrize("made", ["soft", "paper", "image"])

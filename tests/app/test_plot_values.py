@@ -16,7 +16,6 @@ from known_walk import (
     TIME,
     about,
     other,
-    place,
     walk_columns,
 )
 from log_writing import HEADER, made_log, write
@@ -28,18 +27,15 @@ from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signals
 from wbc.app.log.stances import stances, support_box
 from wbc.app.log.writer import LogWriter
-from wbc.app.plot import balance
-from wbc.app.plot.balance import _errors, _repeats
+from wbc.app.plot.balance import _errors
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.signals import MAX_SIGNALS, draw_signals, select
 from wbc.app.plot.stiffness import scans
 from wbc.app.plot.study import draw_study
 from wbc.app.plot.style import (
     COLOURS,
-    LEGEND_ROW,
     STYLES,
     labels,
-    legend,
     mark_states,
     new_figure,
 )
@@ -97,16 +93,6 @@ def test_the_error_is_what_the_stabilizer_says_and_without_a_walk_the_sway(
     assert "CoM off its mean" in draw("balance", [standing]).axes[2].get_ylabel()
 
 
-def test_references_that_are_the_estimate_are_not_drawn_over_it(walked: Log, tmp_path: Path) -> None:
-    assert not _repeats(walked, "dcm/reference") and not _repeats(walked, "dcm/estimated")
-    same = walk_columns()["dcm/estimated"].copy()
-    same[0] = np.nan
-    log = other(tmp_path, {"dcm/estimated": same, "dcm/reference": same + 5e-7})
-    assert _repeats(log, "dcm/reference") and not _repeats(log, "zmp/measured")
-    assert "DCM planned" not in lines(draw("balance", [log]).axes[0])
-    assert not _repeats(other(tmp_path, None, "dcm/estimated"), "dcm/reference")
-
-
 def test_a_plan_is_drawn_in_the_true_world_in_one_scale_with_all_footsteps(walked: Log) -> None:
     figure = draw("plan", [walked, walked])
     axes = figure.axes[0]
@@ -123,45 +109,6 @@ def test_a_plan_is_drawn_in_the_true_world_in_one_scale_with_all_footsteps(walke
     assert len(outlines) == 2 * 3 + 3, "each planned one filled and dashed, each true one"
     assert {"left sole, true", "right sole, planned", "ZMP", "DCM"} <= set(lines(axes))
     assert axes.get_title(loc="left").endswith(Drift.of(walked).text(-1))
-
-
-def test_a_plan_is_as_large_wherever_the_world_begins(tmp_path: Path) -> None:
-    """By the ratio of its sides, within bounds; its limits move with the world."""
-    places = {f"foot/{side}/reference/position": place(side) * (20.0, 1.0, 1.0) for side in SOLE}
-    figures = []
-    for name, shift in (("here", np.zeros(3)), ("there", np.array([70.0, -50.0, 2.0]))):
-        (tmp_path / name).mkdir()
-        log = other(tmp_path / name, {key: values + shift for key, values in places.items()}, "truth")
-        figures.append(draw("plan", [log]))
-    here, there = figures
-    height = here.get_size_inches()[1] - 0.9
-    (x0, x1), (y0, y1) = here.axes[0].get_xlim(), here.axes[0].get_ylim()
-    assert height == pytest.approx(0.86 * 12.0 * (y1 - y0) / (x1 - x0)) and 1.6 < height < 6.0
-    np.testing.assert_allclose(there.get_size_inches(), here.get_size_inches(), rtol=1e-6)
-    np.testing.assert_allclose(there.axes[0].get_xlim(), [x0 + 70.0, x1 + 70.0])
-    np.testing.assert_allclose(there.axes[0].get_ylim(), [y0 - 50.0, y1 - 50.0])
-
-
-@pytest.mark.parametrize("size", [(0.9, 0.4), (0.3, 1.2), (4.0, 0.1)])
-@pytest.mark.parametrize("begin", [(-0.2, -0.1), (5.0, -7.0)])
-def test_a_plan_leaves_four_centimetres_and_a_fiftieth_of_its_size_around_it(
-    size: tuple[float, float], begin: tuple[float, float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In one scale: twelve inches wide, from 1.6 to 6 inches high, and 0.9 of text."""
-    (w, h), (x, y) = size, begin
-    corners = np.array([[x, y, 0.0], [x + w, y, 0.0], [x + w, y + h, 0.0], [x, y + h, 0.0]])
-    monkeypatch.setattr(balance, "stances", lambda log, which="reference": [SimpleNamespace(corners=corners)])
-    monkeypatch.setattr(balance, "_one_plan", lambda *parts: None)
-    monkeypatch.setattr(balance, "labels", lambda logs: ["a", "b"])
-    room = 0.04 + 0.02 * max(size)
-    span = x - room, x + w + room, y - room, y + h + room
-    log: Any = {}
-    assert balance._span(log) == pytest.approx(span)
-    figure = balance.draw_plan([log, log])
-    height = min(6.0, max(1.6, 0.86 * 12.0 * (h + 2.0 * room) / (w + 2.0 * room)))
-    assert tuple(figure.get_size_inches()) == pytest.approx((12.0, 2.0 * height + 1.8))
-    for ax in figure.axes:
-        assert (*ax.get_xlim(), *ax.get_ylim()) == pytest.approx(span)
 
 
 def test_a_plan_without_the_truth_is_that_of_the_estimate(tmp_path: Path) -> None:
@@ -353,24 +300,6 @@ def test_every_other_state_is_shaded_and_named_without_its_machine() -> None:
     assert not axes.patches and not axes.texts
 
 
-@pytest.mark.parametrize(("count", "columns", "rows"), [(4, 4, 1), (5, 4, 2), (9, 3, 3), (2, 4, 1)])
-def test_a_title_leaves_room_for_the_rows_of_the_legend(
-    count: int, columns: int, rows: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    axes = new_figure(4.0, 3.0).subplots()
-    for i in range(count):
-        axes.plot([0], [i], label=str(i))
-    titles: list[Any] = []
-    monkeypatch.setattr(axes, "set_title", lambda title, **how: titles.append((title, how["pad"])))
-    legend(axes, columns, "title")
-    assert titles == [("title", pytest.approx(6.0 + LEGEND_ROW * rows))]
-    made = axes.get_legend()
-    assert made is not None and made._ncols == min(columns, count)  # type: ignore[attr-defined]
-    bare = new_figure(4.0, 3.0).subplots()
-    legend(bare)
-    assert bare.get_legend() is None
-
-
 # ---- studies --------------------------------------------------------------------------------------------------------
 
 
@@ -418,10 +347,10 @@ def test_a_study_is_drawn_a_row_a_cell_with_the_intervals_of_eight_layouts() -> 
 def test_logs_and_drawings_are_told_apart(
     walked: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A log is known by its ending or by its first bytes, the first word is one in any case."""
+    """A log is known by its ending, and the first word is one in any case."""
     monkeypatch.chdir(tmp_path)
     drawn: list[tuple[list[str], list[str]]] = []
-    monkeypatch.setattr("wbc.app.plot.output.save", lambda figures, target: [target])
+    monkeypatch.setattr("wbc.app.plot.figures.save", lambda figures, target: [target])
     monkeypatch.setattr(
         "wbc.app.plot.figures.draw",
         lambda name, logs: drawn.append(([log.path.name for log in logs], [name])),
@@ -431,11 +360,10 @@ def test_logs_and_drawings_are_told_apart(
         lambda logs, words: drawn.append(([log.path.name for log in logs], words)),
     )
     content = walked.path.read_bytes()
-    for name in ("one", "two.arrow", "three", "balance"):
+    for name in ("one", "two.arrow", "balance"):
         Path(name).write_bytes(content)
-    Path("com").write_text("no log")
-    assert main(["plot", "one", "two.arrow", "three", "balance", "com"]) == RAN
-    logs = ["one", "two.arrow", "three"]
+    assert main(["plot", "one", "two.arrow", "balance", "com"]) == RAN
+    logs = ["one", "two.arrow"]
     assert drawn == [(logs, ["balance"]), (logs, ["com"])]
     assert main(["plot", "one", "none.arrow", "balance"]) == BAD_INPUT
     assert "none.arrow" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,18 +12,16 @@ import mujoco
 import numpy as np
 import pytest
 from log_writing import made_log
-from PIL import Image
 
 from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay import convert, film
 from wbc.app.replay.film import FOLLOW_TIME
-from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
+from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _walk_marks
 from wbc.app.replay.rerun_file import RerunFile
 from wbc.app.view.marks import LIFT, Mark, Picture, Scale
 from wbc.app.view.mujoco_view import MujocoMarks
-from wbc.app.view.rerun_view import tint
 from wbc.base.errors import InputError
 
 TIME = 0.1 * np.arange(30)
@@ -135,11 +132,6 @@ def test_scans_stay_from_their_tick_on_and_maps_until_the_next_one(tmp_path: Pat
     )
 
 
-def test_quaternions_have_length_one() -> None:
-    given = np.array([(0.0, 0.0, 3.0, 4.0), (1.0, 0.0, 0.0, 0.0)])
-    np.testing.assert_allclose(_unit(given), [(0.0, 0.0, 0.6, 0.8), (1.0, 0.0, 0.0, 0.0)])
-
-
 # ---- films ----------------------------------------------------------------------------------------------------------
 
 
@@ -148,25 +140,6 @@ def geoms_of(*marks: Mark, room: int = 100) -> list[Any]:
     scene = mujoco.MjvScene(model, maxgeom=room)
     MujocoMarks(scene).add(marks)
     return [scene.geoms[i] for i in range(scene.ngeom)]
-
-
-def test_marks_are_geoms_of_their_size_at_their_points() -> None:
-    points, colour = np.array([(1.0, 0.0, 0.0), (1.0, 2.0, 0.0)]), (1.0, 0.5, 0.0, 0.5)
-    (ball,) = geoms_of(Mark("m", "ball", points[1:], colour, 0.3))
-    assert ball.pos.tolist() == [1.0, 2.0, 0.0] and ball.size[0] == pytest.approx(0.3)
-    assert ball.rgba.tolist() == list(colour)
-    (arrow,) = geoms_of(Mark("m", "arrow", points, colour, 0.1))
-    assert arrow.pos.tolist() == [1.0, 0.0, 0.0] and arrow.size[2] == pytest.approx(2.0 * 2.0)
-    np.testing.assert_allclose(arrow.mat[:, 2], [0.0, 1.0, 0.0], atol=1e-6)
-
-
-def test_areas_are_triangles_whose_axes_are_their_sides_and_normal() -> None:
-    corners = np.array([(1.0, 0.0, 0.5), (3.0, 0.0, 0.5), (1.0, 4.0, 0.5)])
-    (triangle,) = geoms_of(Mark("m", "area", corners, (1.0, 0.0, 0.0, 1.0)))
-    np.testing.assert_allclose(triangle.pos, corners[0])
-    np.testing.assert_allclose(
-        triangle.mat, np.column_stack([(2.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 8.0)]), atol=1e-6
-    )
 
 
 def test_marks_beyond_the_room_are_left_out() -> None:
@@ -211,49 +184,13 @@ def test_the_camera_follows_the_robot_with_its_time_constant(monkeypatch: pytest
     assert any(picture.any() for picture in made), "the caption is drawn"
 
 
-def test_a_caption_is_larger_on_a_larger_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes: list[Any] = []
-    real = film.ImageFont.load_default
-    monkeypatch.setattr(film.ImageFont, "load_default", lambda size: sizes.append(size) or real(size))
-    for height in (72, 720):
-        blank = np.full((height, 2 * height, 3), 255, dtype=np.uint8)
-        written = film._with_caption(blank, "title", Picture(1.0, text=["one", "two"]))
-        rows = np.flatnonzero((written < 128).any(axis=(1, 2)))
-        assert rows.min() >= sizes[-1], "a margin of the height of its letters"
-        assert Image.fromarray(written).size == (2 * height, height)
-    assert sizes == [10, 20]
-
-
-@pytest.mark.parametrize(
-    ("size", "fits"),
-    [((16, 16), True), ((17, 16), False), ((16, 17), False), ((14, 100), False), ((100, 14), False)],
-)
-def test_sizes_of_a_film_are_even_and_not_too_small(
-    size: tuple[int, int], fits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written: list[Any] = []
+def test_sizes_of_a_film_are_even_and_not_too_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(film, "check_film", lambda path, inputs: Path(path))
-    monkeypatch.setattr(film, "_write", lambda path, pictures, rate, size_: written.append((rate, size_)))
     replay = Replay.__new__(Replay)
     replay.log = made_log(tmp_path / "a.arrow", {"time": TIME})
-    monkeypatch.setattr(film, "replacing", _Same)
-    if fits:
-        assert film.render_video(replay, tmp_path / "a.mp4", rate=5.0, size=size) == len(replay.ticks(5.0))
-        assert written == [(5.0, size)]
-    else:
+    for size in ((17, 16), (16, 17), (14, 100), (100, 14)):
         with pytest.raises(InputError, match="even"):
             film.render_video(replay, tmp_path / "a.mp4", size=size)
-
-
-class _Same:
-    def __init__(self, target: Path) -> None:
-        self.target = target
-
-    def __enter__(self) -> Path:
-        return self.target
-
-    def __exit__(self, *_: object) -> None:
-        pass
 
 
 # ---- files for Rerun ------------------------------------------------------------------------------------------------
@@ -349,75 +286,3 @@ def test_texts_of_every_tick_are_states_and_others_events(told: tuple[Log, Rerun
     assert times == pytest.approx([0.0, 1.0, 1.5]) and columns == ("states", ["a", "b", "a"])
     times, columns = rerun.columns["event"]
     assert times == pytest.approx([0.3, 0.8]) and columns == ("events", ["up", "down"])
-
-
-def test_colours_of_meshes_are_bytes() -> None:
-    assert tint((0.0, 0.5, 1.0, 0.2)) == (0, 128, 255, 51)
-
-
-class Scene(Rerun):
-    """Record of all that a stream of Rerun is given of a scene."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.time = -1.0
-        self.at: list[tuple[str, float]] = []
-        self.static: set[str] = set()
-
-    def log(self, entity: str, value: Any, static: bool = False) -> None:
-        super().log(entity, value, static)
-        if static:
-            self.static.add(entity)
-        else:
-            self.at.append((entity, self.time))
-
-    def set_time(self, name: str, duration: float) -> None:
-        self.time = duration
-
-    ViewCoordinates = SimpleNamespace(RIGHT_HAND_Z_UP="up")
-
-    class Clear(SimpleNamespace):
-        """An end."""
-
-    @staticmethod
-    def Transform3D(quaternion: Any, translation: Any) -> Any:  # noqa: N802 - as Rerun has it
-        """Return a place."""
-        return SimpleNamespace(quaternion=np.array(quaternion), translation=np.array(translation))
-
-
-def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    model = mujoco.MjModel.from_xml_string(
-        """<mujoco><worldbody><geom type="plane" size="1 1 0.1"/>
-        <body name="a box" pos="0 0 1"><freejoint/><geom type="box" size="0.1 0.2 0.3" rgba="1 0.5 0 1"/></body>
-        </worldbody></mujoco>"""
-    )
-    data, ball = mujoco.MjData(model), np.array([[0.5, 0.25, 0.0]])
-
-    def picture(tick: int) -> Picture:
-        data.qpos[:] = [0.1 * tick, -0.2 * tick, 1.0, 0.6, 0.0, 0.8, 0.0]
-        mujoco.mj_kinematics(model, data)
-        marks = [Mark("the zmp", "ball", ball + (0.5 if tick == 2 else 0.0), (1.0, 0.0, 0.0, 1.0), 0.02)]
-        return Picture(float(TIME[tick]), marks if tick < 3 else [])
-
-    scene, stage = Scene(), SimpleNamespace(model=model, data=data)
-    monkeypatch.setitem(sys.modules, "rerun", scene)
-    drawn = file_of(SimpleNamespace(time=TIME), scene).scene(stage)  # type: ignore[arg-type]
-    for tick in range(4):
-        drawn.draw(picture(tick))
-    places = [value for name, value in scene.logged if name == "robot/a_box"]
-    assert [at for at in scene.at if at[0] == "robot/a_box"] == [("robot/a_box", TIME[k]) for k in range(4)]
-    for k, place in enumerate(places):
-        np.testing.assert_allclose(place.translation, [0.1 * k, -0.2 * k, 1.0], atol=1e-12)
-        np.testing.assert_allclose(place.quaternion, [0.0, 0.8, 0.0, 0.6], atol=1e-12)
-    painted = [(name, value[1]["albedo_factor"]) for name, value in scene.logged if isinstance(value, tuple)]
-    assert ("robot/a_box/1", (255, 128, 0, 255)) in painted and len(painted) == 2, (
-        "once, as they stay the same"
-    )
-    assert [at for at in scene.at if at[0].startswith("marks/")] == [
-        ("marks/the_zmp", TIME[k]) for k in (0, 2, 3)
-    ]
-    marks = [value for name, value in scene.logged if name.startswith("marks/")]
-    assert isinstance(marks[0], Rerun.Mesh3D) and isinstance(marks[2], Scene.Clear)
-    assert {name.rpartition("/")[0] for name in scene.static} == {"", "ground", "robot/a_box"}

@@ -6,7 +6,6 @@ import dataclasses
 import io
 import json
 import logging
-import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -239,7 +238,7 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
         made.append(SimpleNamespace(hooks=[], stop=lambda: None))
         return made[-1]
 
-    monkeypatch.setattr("wbc.app.view.workbench.Workbench", Page)
+    monkeypatch.setattr("wbc.app.Workbench", Page)
 
     def run(options: LiveView) -> Any:
         return options.run(
@@ -369,10 +368,9 @@ def test_options_of_a_press_are_those_of_its_test(monkeypatch: pytest.MonkeyPatc
         raise InputError("it would press now")
 
     monkeypatch.setattr(foot_command, "press", stop)
-    assert main(["foot", "press", "--yaw", "90", "--stiffness", "7", "--timestep", "0.001"]) == 2
+    assert main(["foot", "press", "--stiffness", "7", "--settle", "0.1"]) == 2
     (test,) = pressed
-    assert test.yaw == pytest.approx(math.pi / 2.0) and test.foot.stiffness == 7.0
-    assert test.physics.timestep == 0.001 and test.robot_sole == foot_command.HRP4C_SOLE
+    assert test.settle == 0.1 and test.foot.stiffness == 7.0 and test.robot_sole == foot_command.HRP4C_SOLE
     assert main(["foot", "press", "--robot", "g1"]) == 2
     assert pressed[1].robot_sole != foot_command.HRP4C_SOLE
     assert pressed[1].foot == foot_by_name("soft")
@@ -390,7 +388,8 @@ def test_the_table_of_robots_has_four_figures_and_soles_in_millimetres(capsys: S
         assert float(mass) == pytest.approx(facts["mass_kg"], rel=1e-3) and int(joints) == facts["dof"]
         assert float(height) == pytest.approx(facts["height_m"], rel=1e-3)
         assert float(com) == pytest.approx(facts["com_height_m"], rel=1e-3)
-        assert [float(length), float(width)] == pytest.approx(1e3 * np.array(facts["sole_m"]), abs=0.5)
+        sole = next(iter(facts["soles"].values()))["size_m"]
+        assert [float(length), float(width)] == pytest.approx(1e3 * np.array(sole), abs=0.5)
 
 
 def test_settings_are_listed_by_their_full_names_with_their_defaults(capsys: Said) -> None:

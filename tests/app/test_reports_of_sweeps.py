@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from wbc.app.cli import BAD_INPUT, RAN, main
-from wbc.app.commands.study import run as run_command
+from wbc.app.commands import study as run_command
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study

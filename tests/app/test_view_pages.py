@@ -174,6 +174,7 @@ def test_the_command_shows_a_walk(
     assert json.loads(capsys.readouterr().out)["interactive"] is False
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_rerun_counts_its_pages_and_shows_the_run_again(tmp_path: Path) -> None:
     pytest.importorskip("rerun")

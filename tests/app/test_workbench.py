@@ -131,38 +131,6 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     assert again.controls.interventions == view.controls.interventions
 
 
-@pytest.mark.parametrize(
-    ("order", "named"),
-    [
-        ({"do": "set", "name": "task cm/weight", "value": 1.0}, "task com"),
-        ({"do": "target", "task": "cm", "target": [0.0, 0.0, 0.8]}, "com"),
-        ({"do": "target", "task": "com", "target": [0.0, 0.0]}, "com"),
-        ({"do": "set", "name": "task com/weight", "value": -1.0}, "weight"),
-        ({"do": "jump"}, "jump"),
-        ({"do": "push", "direction": "left", "impulse": 50.0}, "impulse"),
-    ],
-)
-def test_orders_that_make_no_sense_are_refused(order: Any, named: str) -> None:
-    plant, control = stand()
-    controls = LiveControls(plant, None, control.controller)
-    controls.apply(order)
-    assert controls.message.startswith("refused") and named in controls.message
-    assert controls.interventions == []
-
-
-def test_what_may_be_set_follows_the_tasks() -> None:
-    plant, control = stand()
-    controls, controller = LiveControls(plant, None, control.controller), control.controller
-    before = set(controls.settings)
-    assert {"task com/weight", "task com/stiffness", "task com/damping"} <= before
-    hand = controller.add(wbc.PositionTask("left_hand", name="hand", weight=3.0))
-    more = controls.settings
-    assert {name.partition("/")[0] for name in set(more) - before} == {"task hand"}
-    assert more["task hand/weight"].value == 3.0
-    controller.remove(hand)
-    assert set(controls.settings) == before
-
-
 # ---- the page -------------------------------------------------------------------------------------------------------
 
 
@@ -226,19 +194,6 @@ def test_only_the_page_of_the_link_gives_orders() -> None:
         )
         assert not any(let_in(view.url, origin) for origin in strangers)
         assert not let_in(root, None) and not let_in(root, root.rstrip("/"))
-
-
-def test_pushes_come_from_the_robots_side_and_are_written_down() -> None:
-    description = wbc.load_robot("hrp4_class")
-    q = description.robot().half_sitting.copy()
-    q[3:7] = [0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)]  # the robot looks along y
-    plant = wbc.Plant(description, initial_configuration=q)
-    controls = LiveControls(plant, None)
-    controls.apply({"do": "push", "direction": "left", "impulse": 0.3})
-    plant.step(plant.hold())
-    force = plant.data.xfrc_applied[:, :3].sum(axis=0)
-    assert force == pytest.approx([-3.0 * plant.robot.mass, 0.0, 0.0], abs=1e-6 * plant.robot.mass)
-    assert controls.interventions == [{"time": 0.0, "what": "push", "direction": "left", "impulse": 0.3}]
 
 
 def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:

@@ -10,10 +10,9 @@ import signal
 import sys
 import threading
 import traceback
-import typing
 from collections.abc import Iterator, Sequence
 
-from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
@@ -29,7 +28,7 @@ LONGEST_LINE = 1000
 def make_app(words: Sequence[str] | None = ()) -> App:
     """Build the command-line application from the table of commands; a command's module is imported when it runs."""
     options = {
-        "default_parameter": Parameter(negative=(), show_default=_shown_default),
+        "default_parameter": Parameter(negative=(), show_default=False),
         "help_format": "markdown",
         "suppress_keyboard_interrupt": False,  # a command may say what is kept
     }
@@ -53,11 +52,6 @@ def make_app(words: Sequence[str] | None = ()) -> App:
         about = None if words is None or list(words[: len(path)]) == path else summary(command)
         parent.command(f"wbc.app.commands.{place}", name=path[-1], help=about, **options)
     return app
-
-
-def _shown_default(value: object) -> object:
-    """Return a default for the help; nothing for options that are off or empty."""
-    return None if value is False or value == () else value
 
 
 def _prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -93,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         make_app(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
-        print(f"wbc: {_one_line(error)}{_hint(error)}", file=sys.stderr)
+        print(f"wbc: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
@@ -122,20 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, frame: object) -> None:
-    """End with the exit code of a program that a signal ends."""
     del frame
     raise SystemExit(128 + number)
-
-
-def _hint(error: BaseException) -> str:
-    """Return the choices of an option without a value, or nothing."""
-    if not isinstance(error, MissingArgumentError) or error.argument is None:
-        return ""
-    hints = (error.argument.hint, *typing.get_args(error.argument.hint))
-    choices = [
-        f'"{each}"' for hint in hints if typing.get_origin(hint) is typing.Literal for each in hint.__args__
-    ]
-    return f" Choose from: {', '.join(choices)}." if choices else ""
 
 
 def _one_line(error: BaseException) -> str:

@@ -9,8 +9,6 @@ from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
 from wbc.app.output import progress_console
 from wbc.app.view import VIEWERS, Viewer
 from wbc.app.view.base import Port
@@ -21,6 +19,8 @@ from wbc.sim.trial.trial import TrialHook
 from wbc.walking.steered import SteeredControl
 
 if TYPE_CHECKING:
+    from rich.status import Status
+
     from wbc.app.repeat import RepeatWalk
     from wbc.app.view.base import View
     from wbc.sim.trial.trial import AnyTrial, TrialTick
@@ -67,10 +67,8 @@ class LiveView:
         with ExitStack() as stack:
             views: list[View] = []
             if self.view is not None:
-                module, name = VIEWERS[self.view]  # most runs are not watched
-                view: View = getattr(import_module(module), name)(
-                    port=self.port, speed=1.0, wait=BROWSER_TIME
-                )
+                kind: type[View] = getattr(import_module("wbc.app"), VIEWERS[self.view])
+                view = kind(port=self.port, speed=1.0, wait=BROWSER_TIME)
                 view.stays = True
                 stack.callback(view.close)
                 views.append(view)
@@ -127,17 +125,16 @@ def shown_progress(trial: AnyTrial, *, watched: bool) -> Iterator[None]:
     if watched or not console.is_terminal:
         yield
         return
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
-        trial.hooks.append(ProgressLine(bar))
+    with console.status("simulating") as line:
+        trial.hooks.append(ProgressLine(line))
         yield
 
 
 class ProgressLine(TrialHook):
     """Line of a trial on the terminal: simulated time, and steps of a walk."""
 
-    def __init__(self, bar: Progress) -> None:
-        self._bar, self._task, self._next = bar, bar.add_task("simulating"), 0.0
+    def __init__(self, line: Status) -> None:
+        self._line, self._next = line, 0.0
 
     def tick(self, tick: TrialTick) -> None:
         """See `TrialHook`."""
@@ -145,16 +142,14 @@ class ProgressLine(TrialHook):
         if time >= self._next:
             self._next = time + 0.1
             steps = f", {tick.control.steps_done} steps" if isinstance(tick.control, SteeredControl) else ""
-            text = f"{time:.1f} s simulated{steps}"
-            self._bar.update(self._task, description=text)
+            self._line.update(f"{time:.1f} s simulated{steps}")
 
 
 @contextmanager
 def ended_by_interrupt(trial: AnyTrial) -> Iterator[None]:
     """Let Ctrl-C end a trial with its next tick, as an end like another; a second one interrupts."""
 
-    def stop(number: int, frame: object) -> None:
-        del number, frame
+    def stop(*_: object) -> None:
         trial.stop()
         signal.signal(signal.SIGINT, before)
 

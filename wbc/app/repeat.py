@@ -6,10 +6,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import END, LiveControls, checked_interventions
@@ -26,11 +23,10 @@ NOT_COMPARED = ("tick/", "stiffness/computing", "view/change")
 """Beginnings of the names of signals that hold wall-clock times, or what is repeated."""
 
 
-def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
+def interventions_of(log: Log) -> list[dict[str, Any]]:
     """Return the interventions of a run, to repeat it, from its log: what its page changed, and its end by Ctrl-C."""
-    opened = log if isinstance(log, Log) else Log.open(log)
-    found = opened.texts("view/change").tolist() if "view/change" in opened else []
-    with naming(opened.path, "log that can be repeated"):
+    found = log.texts("view/change").tolist() if "view/change" in log else []
+    with naming(log.path, "log that can be repeated"):
         return checked_interventions(entry for text in found if text for entry in json.loads(text))
 
 
@@ -53,7 +49,6 @@ class RepeatWalk(TrialHook):
     """
 
     def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
-        """Store the interventions; see `interventions_of`."""
         entries = sorted(checked_interventions(interventions), key=lambda entry: entry["time"])
         self._changes = deque(entry for entry in entries if entry["what"] != END)
         self._end = min((entry["time"] for entry in entries if entry["what"] == END), default=math.inf)
@@ -89,7 +84,8 @@ def first_difference(log: Log, other: Log) -> str | None:
         one, two = (each.column(name).slice(0, ticks) for each in (log, other))
         if one.equals(two):
             continue
-        tick = _first(one.to_pylist(), two.to_pylist())
+        pairs = enumerate(zip(one.to_pylist(), two.to_pylist(), strict=True))
+        tick = next((i for i, (a, b) in pairs if repr(a) != repr(b)), ticks)  # NaN is NaN, also in lists
         if tick < first:
             first, found = tick, name
     if found:
@@ -98,13 +94,3 @@ def first_difference(log: Log, other: Log) -> str | None:
         return f"{len(log)} ticks, and {len(other)} when repeated"
     lacking = sorted(compared[0] ^ compared[1])
     return f"only in signals that one of them lacks: {', '.join(lacking[:3])}" if lacking else None
-
-
-def _first(one: list[Any], two: list[Any]) -> int:
-    """Return the first index at which two lists differ; NaN is NaN, also in lists."""
-    for i, (a, b) in enumerate(zip(one, two, strict=True)):
-        if a != b and not (
-            type(a) is type(b) and not isinstance(a, str) and np.array_equal(a, b, equal_nan=True)
-        ):
-            return i
-    return len(one)

@@ -54,7 +54,6 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
 
 
 def _head(result: WalkResult, spec: WalkSpec) -> str:
-    """Return the line on robot, ground and control."""
     fixed = result.sole_stiffness is not None and result.stiffness is None
     foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
     ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
@@ -66,7 +65,6 @@ def _head(result: WalkResult, spec: WalkSpec) -> str:
 
 
 def _end(result: WalkResult, steps: str) -> str:
-    """Return the line on the end of a walk after some steps."""
     fall, after = result.fall, f"{result.seconds:.1f} s"
     if fall is not None:
         return (
@@ -82,7 +80,6 @@ def _end(result: WalkResult, steps: str) -> str:
 
 
 def _balance_lines(result: WalkResult, spec: WalkSpec) -> list[str]:
-    """Return lines on way, errors of the balance and landings."""
     speed = "" if result.speed is None else f", {result.speed:.2f} m/s over its middle half"
     lines = [
         f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
@@ -104,7 +101,6 @@ def _balance_lines(result: WalkResult, spec: WalkSpec) -> list[str]:
 
 
 def _cost(result: WalkResult) -> str:
-    """Return words on the work of the joints."""
     legs, upper = result.energy.legs, result.energy.upper_body
     work = f"{legs + upper:.0f} J, {legs:.0f} J of them in the legs; vibration {result.vibration:.3g} rad/s²"
     transport = result.cost_of_transport
@@ -112,7 +108,6 @@ def _cost(result: WalkResult) -> str:
 
 
 def _soles_lines(result: WalkResult) -> list[str]:
-    """Return lines on the soles of variable stiffness; none for other soles."""
     steps = result.stiffness
     if not steps:
         return []

@@ -25,10 +25,10 @@ COMMANDS = {
     "foot": "foot:foot",
     "terrain": "terrain:terrain",
     "settings": "settings:settings",
-    "study show": "study.show:show",
-    "study run": "study.run:run",
-    "study table": "study.show:table",
-    "study plot": "study.show:plot",
+    "study show": "study:show",
+    "study run": "study:run",
+    "study table": "study:table",
+    "study plot": "study:plot",
     "bench tick": "bench:tick",
 }
 """Words of a command → place of its function in this folder.

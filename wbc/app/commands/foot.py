@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
-from pydantic import Field
 
 from wbc.app.arguments import Fields
 from wbc.app.commands.settings import settings_of
-from wbc.app.commands.terrain import ground_of
+from wbc.app.commands.terrain import TRACK, ground_of
 from wbc.app.output import Report, facts_text, reports
 from wbc.base.errors import InputError
 from wbc.base.registry import first_line
 from wbc.base.settings import (
     NonNegative,
-    Positive,
     as_changes,
     read_changes,
     settings,
@@ -29,21 +26,14 @@ from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.foot import AnkleSole
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import ankle_soles
-from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.spec import Terrain
 
-Test = Literal["press"]
-
 SHARED = Fields(FootTest, "load ankle_stiffness x y drop settle hold")
 """Options that are fields of the test."""
 
-GROUND = Fields(
-    Terrain,
-    "amplitude seed",
-    help={"amplitude": "Highest minus lowest point of the ground, m; the family's own if not given."},
-)
+GROUND = Fields(Terrain, "amplitude seed", help=TRACK.help)
 """Options that are fields of the ground."""
 
 
@@ -58,8 +48,6 @@ class FootOptions:
         stiffness: Of the sole hinges of a soft foot, Nm/rad; the foot's own if not given.
         terrain: Family of grounds that `wbc terrain` lists.
         param: Parameters of the ground, each as name=value.
-        yaw: Heading of the foot, degrees.
-        timestep: Physics step, s.
     """
 
     foot: str = "soft"
@@ -68,8 +56,6 @@ class FootOptions:
     stiffness: NonNegative | None = None
     terrain: str = "flat"
     param: tuple[str, ...] = ()
-    yaw: Annotated[float, Field(ge=-360.0, le=360.0)] = math.degrees(FootTest.yaw)
-    timestep: Positive = PhysicsSettings.timestep
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both."""
@@ -78,8 +64,6 @@ class FootOptions:
             foot=design,
             ground=ground_of(self.terrain, self.param, {"sole_radius": design.contact.radius, **ground}),
             robot_sole=HRP4C_SOLE if self.robot is None else _sole(self.robot),
-            yaw=math.radians(self.yaw),
-            physics=PhysicsSettings(timestep=self.timestep),
             **given,
         )
 
@@ -90,7 +74,9 @@ class FootOptions:
 
 @reports
 def foot(
-    test: Annotated[Test | None, Parameter(help="Test; the feet are listed when left out.")] = None,
+    test: Annotated[
+        Literal["press"] | None, Parameter(help="Test; the feet are listed when left out.")
+    ] = None,
     /,
     *,
     options: FootOptions,
@@ -111,7 +97,6 @@ def foot(
 
 
 def _list(robot: str | None) -> Report:
-    """Report how the feet fit every robot, what mass and height they add, and their parameters."""
     soles = {name: _sole(name) for name in (names() if robot is None else [robot])}
     listed = []
     for name in foot_names():
@@ -122,19 +107,16 @@ def _list(robot: str | None) -> Report:
                 fits[each] = fit_facts(design, sole)
             except InputError as error:
                 fits[each] = {"error": str(error)}
-        about = first_line(type(design))
-        listed.append({"name": name, "summary": about, "fits": fits, "parameters": parameters(design)})
+        own = [
+            {"name": row.name, "default": to_json(row.value), "about": row.about}
+            for row in settings_of(type(design), "", design)
+        ]
+        listed.append({"name": name, "summary": first_line(type(design)), "fits": fits, "parameters": own})
     return Report({"feet": listed}, "\n".join(_lines(listed)))
 
 
 def _sole(robot: str) -> AnkleSole:
     return ankle_soles(load(robot).robot())[0]
-
-
-def parameters(design: Foot) -> list[dict[str, Any]]:
-    """Return the parameters of a foot: name, default and meaning, with its unit."""
-    rows = settings_of(type(design), "", design)
-    return [{"name": row.name, "default": to_json(row.value), "about": row.about} for row in rows]
 
 
 def _lines(listed: list[dict[str, Any]]) -> list[str]:

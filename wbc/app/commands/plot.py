@@ -11,7 +11,6 @@ from cyclopts import Parameter
 
 from wbc.app.files import PICTURES
 from wbc.app.log.reader import Log
-from wbc.app.log.writer import MAGIC
 from wbc.app.output import Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
@@ -41,18 +40,20 @@ def plot(
 ) -> Report:
     """Draw figures from one log, or compare several: balance, plan, stiffness, any signals.
 
-    Logs come first. Then come ready-made figures, or signals: a name, the beginning of names such as
-    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any of them, all
-    figures are drawn for which the logs have signals.
+    Logs come first; all but the first one end in .arrow. Then come ready-made figures, or signals: a name, the
+    beginning of names such as `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any of
+    them, all figures are drawn for which the logs have signals.
     """
-    paths, drawings = _logs_and_drawings(words)
+    paths = [Path(word) for i, word in enumerate(words) if i == 0 or word.endswith(".arrow")]
+    if not paths:
+        raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
+    drawings = [word for word in words if Path(word) not in paths]
     logs = [Log.open(path) for path in paths]
     notes = [f"{log.path} ends early ({log.broken}); {len(log)} ticks are read" for log in logs if log.broken]
     if options.list:
         return _listing(logs, notes)
 
-    from wbc.app.plot.figures import FIGURES, draw, missing  # noqa: PLC0415 - slow to import
-    from wbc.app.plot.output import save  # noqa: PLC0415
+    from wbc.app.plot.figures import FIGURES, draw, missing, save  # noqa: PLC0415 - slow to import
     from wbc.app.plot.signals import draw_signals, select  # noqa: PLC0415 - slow to import
 
     figures = [word for word in drawings if word in FIGURES]
@@ -76,27 +77,6 @@ def plot(
     for note in notes:
         logger.warning("%s", note)
     return Report(facts, "\n".join(str(path) for path in written))
-
-
-def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Separate logs, which are there or have the ending of a log, from figures and signals."""
-    paths = [Path(word) for i, word in enumerate(words) if i == 0 or _is_log(word)]
-    if not paths:
-        raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
-    return paths, [word for word in words if Path(word) not in paths]
-
-
-def _is_log(word: str) -> bool:
-    """Return true for the name of a log; a file that happens to be called like a figure or a signal is none."""
-    if word.endswith(".arrow") or not Path(word).is_file():
-        return word.endswith(".arrow")
-    from wbc.app.plot.figures import FIGURES  # noqa: PLC0415 - slow to import
-
-    try:
-        with Path(word).open("rb") as file:
-            return word not in FIGURES and file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
 
 
 def _listing(logs: Sequence[Log], notes: list[str]) -> Report:

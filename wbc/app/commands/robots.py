@@ -97,11 +97,10 @@ def robots(
         return Report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
     lines = [_table(facts), *(f"{other:<18}no feet, from a file or from a package" for other in others())]
-    return Report({"robots": [_brief(each) for each in facts], "others": list(others())}, "\n".join(lines))
+    return Report({"robots": facts, "others": list(others())}, "\n".join(lines))
 
 
 def _check(file: str, options: RobotFileOptions) -> Report:
-    """Report what is in the file of a robot, what was derived and what is doubtful."""
     path, parameters = existing(file, "robot", "an MJCF or a URDF"), options.parameters()
     target = None
     if options.out is not None:
@@ -120,12 +119,6 @@ def _check(file: str, options: RobotFileOptions) -> Report:
         files.write(target, path, parameters)
         lines.append(f"wrote {target}; try: wbc stand --robot {target}")
     return Report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
-
-
-def _brief(facts: dict[str, Any]) -> dict[str, Any]:
-    sole = next(iter(facts["soles"].values()))
-    keys = ("name", *COLUMNS, "nv", "licence", "source")
-    return {key: facts[key] for key in keys} | {"sole_m": sole["size_m"]}
 
 
 def _table(facts: list[dict[str, Any]]) -> str:

@@ -15,7 +15,7 @@ from wbc.app.output import Report, facts_text, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
 from wbc.base.registry import first_line
-from wbc.base.settings import NonNegative, read_changes, settings, unit_and_choices
+from wbc.base.settings import read_changes, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
 from wbc.sim.terrain.families.base import Family, make_family, terrain_families
@@ -39,12 +39,10 @@ class TerrainOptions:
 
     Attributes:
         param: Parameters of the family, each as name=value.
-        clearance: Height of the swing foot, m; a warning says if that is too low.
         plot: Picture to write: map and profile, or thumbnails of all families.
     """
 
     param: tuple[str, ...] = ()
-    clearance: NonNegative = StepGait.swing_height
     plot: Path | None = None
 
     def target(self) -> Path | None:
@@ -64,10 +62,7 @@ def terrain(
     if name is not None:
         facts = describe_terrain(name, options, given)
         return Report(facts, facts_text(facts))
-    of_one = [
-        *given,
-        *(name for name in ("param", "clearance") if getattr(options, name) != getattr(TerrainOptions, name)),
-    ]
+    of_one = [*given, *(["param"] if options.param else [])]
     if of_one:
         raise InputError(f"--{of_one[0].replace('_', '-')} belongs to one ground; name its family")
     target = options.target()
@@ -85,12 +80,13 @@ def terrain(
 
 
 def describe_terrain(name: str, options: TerrainOptions, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
+    """Return `Terrain.describe()`, roughness along y = 0 and whether the swing foot clears it; draw it if asked to."""
     ground = ground_of(name, options.param, given)
     target = options.target()
+    names = [f"{name}_{unit}" if unit else name for name, unit in zip(PARAMETERS, UNITS, strict=True)]
     facts = ground.describe() | {
-        "roughness": _named_roughness(ground),
-        "clears": ground.clears(options.clearance),
+        "roughness": dict(zip(names, ground.roughness().values.tolist(), strict=True)),
+        "clears": ground.clears(StepGait.swing_height),
     }
     if target is not None:
         plot_terrain(ground, target)
@@ -123,12 +119,6 @@ def _described(name: str, kind: Any) -> dict[str, Any]:
         row = {"name": field.name, "default": field.default, "unit": unit or "1"}
         found.append(row | {"about": field.metadata["about"], "choices": choices})
     return {"name": name, "summary": first_line(kind), "parameters": found}
-
-
-def _named_roughness(ground: Terrain) -> dict[str, float]:
-    """Return the roughness parameters along y = 0 by name, with their units in the names."""
-    names = [f"{name}_{unit}" if unit else name for name, unit in zip(PARAMETERS, UNITS, strict=True)]
-    return dict(zip(names, ground.roughness().values.tolist(), strict=True))
 
 
 def _rows(family: dict[str, Any]) -> list[str]:

@@ -62,14 +62,12 @@ def view(
     options: ViewOptions,
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a film, for Rerun or for Foxglove."""
-    from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415, I001 - slow
-    from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
+    from wbc.app.replay.convert import convert_log  # noqa: PLC0415 - slow
+    from wbc.app.replay.film import render_video  # noqa: PLC0415 - slow
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
 
     out = options.out
     run_code(options.code)
-    if out is not None:
-        (check_film if out.suffix.lower() == ".mp4" else check_conversion)(out, [log])
     opened = Log.open(log)
     if opened.broken:
         print(f"{log} ends early ({opened.broken}); {len(opened)} ticks are shown", file=sys.stderr)

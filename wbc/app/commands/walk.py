@@ -112,7 +112,9 @@ def walk(given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, 
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         spec.ground().clears(spec.gait.full.swing_height)
     result, trial, _ = live.run(
-        lambda: WalkTrial(spec, visuals=live.view is not None), run.simulate, run.outcome
+        lambda: WalkTrial(spec, visuals=live.view is not None),
+        run.simulate,
+        lambda ended: f"{ended.outcome} after {ended.steps_done} steps and {ended.seconds:.1f} s",
     )
     data, text = with_changes(run.acting, trial, result.to_json(), walk_text(result, spec))
     data["spec"] = spec.to_json()
@@ -163,12 +165,6 @@ class _Run:
                 self._difference = first_difference(original, Log.open(place))
             return result
 
-    @staticmethod
-    def outcome(ended: WalkResult) -> str:
-        """Return in a few words how a trial has ended."""
-        how = "fell" if ended.fall is not None else ended.outcome
-        return f"{how} after {ended.steps_done} steps and {ended.seconds:.1f} s"
-
     def comparison(self) -> tuple[dict[str, Any], str]:
         """Return how the last log compares with the one that it repeats, as plain values and as text."""
         if self._original is None or self.loss is not None:
@@ -202,7 +198,9 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         *group, last = place_of(name).split(".", 1)
         (upper.setdefault(group[0], {}) if group else upper)[last] = value
     allow_code(upper)
-    lower = read_spec(options.spec) if options.spec is not None else _usual(upper)
+    # Another simulation may have only a floor and the robot's own soles; a policy walks blind on those of its training.
+    plain = upper.get("loop", PLANT) != PLANT or "trained" in upper
+    lower = read_spec(options.spec or USUAL) if options.spec or not plain else {}
     if drive:
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
     if "policy" in upper and "foot" not in {*upper, *({} if lower is WALK_PRESETS[USUAL] else lower)}:
@@ -214,15 +212,6 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
             raise
         spec = WalkSpec.from_json(over({**upper, "mode": "torque"}, lower))
     return spec if drive else _bounded(spec, options.seconds)
-
-
-def _usual(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the preset of the command; none for another simulation or a trained policy.
-
-    Another simulation may have only a floor and the robot's own soles, and a policy walks blind on those of its
-    training.
-    """
-    return WALK_PRESETS[USUAL] if given.get("loop", PLANT) == PLANT and "trained" not in given else {}
 
 
 def _bounded(spec: WalkSpec, seconds: float | None) -> WalkSpec:

@@ -4,7 +4,8 @@ format          number of the format, see `FORMAT`
 program         "wbc" and its version
 versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, hash of its files, libraries
 created         date and time (UTC)
-title, seed     of the run
+title           of the run
+seed            of the plant; null without one
 control_period  s; null for a controller of one's own
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
 spec            the specification of the run as plain values; null if there was none
@@ -79,18 +80,16 @@ class _Header(BaseModel, strict=True):
     description: dict[str, Any] | None = None
 
 
-def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
-    """Return the header of a run, from its first tick; the spec is plain values, the seed the plant's when None."""
+def make_header(tick: Tick, spec: Any = None, title: str = "") -> dict[str, Any]:
+    """Return the header of a run, from its first tick; the spec is plain values."""
     robot, plant = tick.robot, tick.plant if isinstance(tick.plant, Plant) else None
-    if seed is None and plant is not None:
-        seed = plant.seed
     return {
         "format": FORMAT,
         "program": f"wbc {__version__}",
         "versions": dict(provenance()),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "title": title or robot.name,
-        "seed": seed,
+        "seed": None if plant is None else plant.seed,
         "control_period": None if tick.controller is None else tick.controller.dt,
         "robot": {
             "name": robot.name,

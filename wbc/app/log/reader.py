@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
@@ -23,6 +22,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
 from wbc.base.numbers import Array
+
+KINDS = {kind: name for name, kind in TYPES.items()}
+"""Kind of a signal for each of Arrow's types."""
 
 AXES = {2: XY, 3: XYZ, 4: QUATERNION, 6: WRENCH}
 """Number of a vector's parts → their names: a point or a direction, a quaternion, a wrench."""
@@ -59,12 +61,10 @@ class Log:
     header: Mapping[str, Any]
 
     def __init__(self, path: Path, rows: _Rows, header: dict[str, Any]) -> None:
-        """Make a log from the parts that `Log.open` reads."""
         self.path, self.broken = path, rows.broken
         self.header = MappingProxyType(header)
         self._rows = rows
-        kinds = {kind: name for name, kind in TYPES.items()}
-        self.signals = MappingProxyType({f.name: _signal(f, kinds) for f in rows.schema})
+        self.signals = MappingProxyType({field.name: _signal(field) for field in rows.schema})
         if len(self.signals) < len(rows.schema):
             raise InputError(f"{path} is not a log: two of its signals have one name")
         self._arrays: dict[str, Array] = {}
@@ -80,8 +80,6 @@ class Log:
             path: The file.
         """
         place = Path(path)
-        if not os.path.exists(place):  # False for a name that is too long, too
-            raise InputError(f"cannot read the log {place}: No such file")
         with decoding(place, "log", largest=sys.maxsize):
             with place.open("rb") as file:
                 start = file.read(len(MAGIC))
@@ -203,15 +201,13 @@ class Log:
         return [None if value is None else np.asarray(value, dtype=np.float64) for value in values]
 
     def _objects(self, name: str, kind: Kind) -> NDArray[np.object_]:
-        if name not in self.signals:
-            self._unknown(name, self.signals)
+        column = self.column(name)
         if self.signals[name].kind != kind:
             raise InputError(f"{self.path}: signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
-        values: NDArray[np.object_] = self.column(name).to_numpy(zero_copy_only=False)
+        values: NDArray[np.object_] = column.to_numpy(zero_copy_only=False)
         return values
 
     def _unknown(self, name: str, choices: Iterable[str]) -> NoReturn:
-        """Raise an `UnknownNameError` that also names the file."""
         try:
             unknown_name("signal", name, choices)
         except UnknownNameError as error:
@@ -303,6 +299,6 @@ class _Rows:
         return pa.Table.from_batches(batches, schema=schema), broken
 
 
-def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:
+def _signal(field: Any) -> Signal:
     facts = {key.decode(): value.decode() for key, value in (field.metadata or {}).items()}
-    return Signal(field.name, facts.get("unit", "1"), facts.get("about", ""), kinds[field.type])
+    return Signal(field.name, facts.get("unit", "1"), facts.get("about", ""), KINDS[field.type])

@@ -60,7 +60,6 @@ class Recorder(TrialHook):
         provenance()  # asks git once, before the run
         self.path = self._writer.path
         self._spec, self._title = _plain(spec), title
-        self._seed: int | None = None  # of the plant when None
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._first: Tick
@@ -170,10 +169,10 @@ class Recorder(TrialHook):
             raise InputError(f"the recording {self.path} has ended; make another Recorder")
 
     def start(self, trial: Any) -> None:
-        """Take the specification and the seed of a trial that has them; see `TrialHook`."""
+        """Take the specification of a trial that has one; see `TrialHook`."""
         self._check_open()
         if (spec := getattr(trial, "spec", None)) is not None:
-            self._spec, self._seed = self._spec or _plain(spec), getattr(spec, "seed", None)
+            self._spec = self._spec or _plain(spec)
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""
@@ -184,11 +183,10 @@ class Recorder(TrialHook):
         self.close()
 
     def _begin(self, tick: Tick) -> Signals:
-        """Describe the signals of the run and write the header."""
         signals = tick_signals(tick)
         for signal, function in self._added:
             _add_own(signals, signal, function, function(tick))
-        self._writer.begin(signals, make_header(tick, self._spec, self._title, self._seed))
+        self._writer.begin(signals, make_header(tick, self._spec, self._title))
         return signals
 
     def close(self) -> None:

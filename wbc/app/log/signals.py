@@ -122,7 +122,7 @@ class Signals:
     def __init__(self) -> None:
         self.columns: list[tuple[Signal, int]] = []
         self.width = 0
-        self._numbers: list[tuple[Read, int | slice]] = []
+        self._numbers: list[tuple[Read, int | slice, str]] = []  # with the name of the first of them
         self._objects: list[Read] = []
         self._names: set[str] = set()
 
@@ -132,7 +132,7 @@ class Signals:
             self._add(Signal(name, unit, about, kind), len(self._objects))
             self._objects.append(read)
         else:
-            self._numbers.append((read, self.width))
+            self._numbers.append((read, self.width, name))
             self._add(Signal(name, unit, about, kind), self.width)
             self.width += 1
 
@@ -144,7 +144,7 @@ class Signals:
         units = [units] * len(names) if isinstance(units, str) else units
         for i, (name, unit) in enumerate(zip(names, units, strict=True)):
             self._add(Signal(name, unit, about, kind), start + i)
-        self._numbers.append((read, slice(start, self.width)))
+        self._numbers.append((read, slice(start, self.width), next(iter(names), "")))
 
     def group(
         self,
@@ -167,21 +167,13 @@ class Signals:
     def read(self, tick: Tick, row: Array) -> list[Any]:
         """Fill a row with the numbers of a tick and return its texts and lists."""
         row.fill(math.nan)
-        for read, place in self._numbers:
+        for read, place, name in self._numbers:
             if (value := read(tick)) is not None:
                 try:
                     row[place] = value
                 except (TypeError, ValueError) as error:
-                    raise InputError(
-                        f"'{self._name_at(place)}' of a log cannot keep {shown(value)}"
-                    ) from error
+                    raise InputError(f"'{name}' of a log cannot keep {shown(value)}") from error
         return [read(tick) for read in self._objects]
-
-    def _name_at(self, place: int | slice) -> str:
-        first = place.start if isinstance(place, slice) else place
-        return next(
-            each.name for each, at in self.columns if at == first and each.kind not in ("text", "list")
-        )
 
 
 class TickPart(Generic[T]):

@@ -35,11 +35,9 @@ from wbc.app.log.truth import add_plant, add_truth, dcm_of
 from wbc.base.numbers import Array
 from wbc.core.drive.position import PositionControl
 from wbc.core.frames import net_wrench
-from wbc.core.qp.solving.solution import Layout, Solution
 from wbc.core.robot import Robot
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
-from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import NoContactForceError, dcm, level_zmp, natural_frequency
 from wbc.walking.contact import LIFT_OFFS
 from wbc.walking.control import WalkingControl
@@ -80,7 +78,6 @@ def tick_signals(tick: Tick) -> Signals:
 
 
 def _add_program(signals: Signals, program: Program) -> None:
-    """Describe the state of a program and the states that have ended."""
     told = [0]
 
     def events(_: Tick) -> str | None:
@@ -93,7 +90,6 @@ def _add_program(signals: Signals, program: Program) -> None:
 
 
 def _add_walk(signals: Signals, tick: Tick) -> None:
-    """Describe phase, steps and references of a walk; NaN and null without a reference."""
     one, group = signals.one, signals.group
     told: list[Any] = []
     planned = TickPart(lambda t: t.reference)
@@ -129,7 +125,6 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 
 
 def _add_known_ground(signals: Signals) -> None:
-    """Describe what a walk knows of the ground."""
     one = signals.one
     ground = TickPart(lambda t: None if t.walking is None else t.walking.ground)
     about = "what is not used of the ground, and why"
@@ -145,7 +140,6 @@ def _add_known_ground(signals: Signals) -> None:
 
 
 def _add_references(signals: Signals, feet: Sequence[str], planned: TickPart[Reference]) -> None:
-    """Describe the references of pendulum and feet, and the estimated DCM."""
     one, group = signals.one, signals.group
     group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
     group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
@@ -162,7 +156,6 @@ def _add_references(signals: Signals, feet: Sequence[str], planned: TickPart[Ref
 
 
 def _add_stabilizer(signals: Signals, tick: Tick) -> None:
-    """Describe the stabilizer of a walk; NaN in ticks without its output."""
     one, group = signals.one, signals.group
     stabilized = TickPart(lambda t: t.output)
     balanced = TickPart(lambda t: None if t.output is None or t.walking is None else t.walking.balance)
@@ -183,7 +176,7 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
         desired = stabilized(lambda o, i: o.feet.wrenches[i], i)
         about = "desired by the stabilizer, sole frame"
         group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about, desired)
-        correction = stabilized(lambda o, i: _tilts(o.corrections[i]), i)
+        correction = stabilized(lambda o, i: o.corrections[i][:3], i)
         parts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
         group(f"foot/{foot}/correction", parts, units, "added by the stabilizer", correction)
 
@@ -201,12 +194,7 @@ def _seen(tick: Tick) -> Array | None:
     return walk.ground.map.known()[0]
 
 
-def _tilts(correction: FootCorrection) -> tuple[float, float, float]:
-    return correction.roll, correction.pitch, correction.height
-
-
 def _add_estimate(signals: Signals, tick: Tick) -> None:
-    """Describe the estimated state of the robot and, in position control, the commanded base."""
     robot = cast(Robot, tick.estimate)
     group, estimated = signals.group, TickPart(lambda t: t.estimate)
 
@@ -250,7 +238,6 @@ def _balance(tick: Tick) -> tuple[Array, Array] | None:
 
 
 def _add_outside(signals: Signals, tick: Tick) -> None:
-    """Describe the outside wrench of an observer that estimates it, and the load of a walk that carries one."""
     outside = TickPart[Any](lambda t: t.drives)(lambda d: d.observer.outside.wrench)
     about = (
         "of the surroundings besides the ground, without the load that the models carry; about the CoM, world"
@@ -263,7 +250,6 @@ def _add_outside(signals: Signals, tick: Tick) -> None:
 
 
 def _add_measurement(signals: Signals, tick: Tick) -> None:
-    """Describe the measurements of the sensors."""
     group, robot, first = signals.group, tick.robot, tick.measurement
     joints, units, feet = robot.joint_names, joint_units(robot), foot_names(robot)
 
@@ -302,7 +288,6 @@ def _add_wrenches(
 
 
 def _add_command(signals: Signals, tick: Tick) -> None:
-    """Describe the commands to the joint drives and soles."""
     robot, first = tick.robot, tick.command
     joints, units, torques = robot.joint_names, joint_units(robot), torque_units(robot)
     rates = [f"{unit}/s" for unit in units]
@@ -345,22 +330,11 @@ def _add_solver(signals: Signals, tick: Tick) -> None:
         signals.group(f"{where}/wrench_solved", WRENCH[:size], WRENCH_UNITS[:size], about, wrench)
     for name in layout.tasks:
         about = "norm of achieved minus desired acceleration, torque or wrench"
-        norm = solved(lambda s, name: _norm(_part(s.residual_rows, s.layout.tasks.get(name))), name)
+        rows = TickPart(solved(lambda s, name: _part(s.residual_rows, s.layout.tasks.get(name)), name))
+        norm = rows(lambda values: math.sqrt(values.dot(values)))
         one(f"solver/residual/{name}", layout.units[name], about, norm)
-    named: list[Layout] = [layout]
-    texts: dict[bytes, str | None] = {}  # of that layout, by pattern
-
-    def active_limits(solution: Solution) -> str | None:
-        if solution.layout is not named[0]:
-            named[0] = solution.layout
-            texts.clear()
-        size = np.abs(solution.multipliers)
-        pattern = (size > 1e-6 * max(1.0, float(size.max(initial=0.0)))).tobytes()  # as in `active_limits`
-        if pattern not in texts:
-            texts[pattern] = "; ".join(solution.active_limits) or None
-        return texts[pattern]
-
-    one("solver/active_limits", "1", "active limits, separated by ';'", solved(active_limits), "text")
+    limits = solved(lambda s: "; ".join(s.active_limits) or None)
+    one("solver/active_limits", "1", "active limits, separated by ';'", limits, "text")
 
 
 def _part(values: Array, place: slice | None) -> Array | None:
@@ -368,12 +342,7 @@ def _part(values: Array, place: slice | None) -> Array | None:
     return None if place is None else values[place]
 
 
-def _norm(values: Array | None) -> float:
-    return math.nan if values is None else math.sqrt(values.dot(values))
-
-
 def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
-    """Describe scan, decision and result of each step of the stiffness scheduling, in the tick of its landing."""
     last: list[Any] = [task.steps[-1] if task.steps else None]
 
     def find(_: Tick) -> Any:

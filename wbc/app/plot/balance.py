@@ -16,7 +16,7 @@ from wbc.app.plot.style import (
     BLUE,
     ORANGE,
     PUSH,
-    band,
+    SUPPORT,
     grid,
     labels,
     legend,
@@ -31,13 +31,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINES = (
-    ("ZMP measured", "zmp/measured", ZMP_COLOUR, "-", 0.8),
     ("ZMP planned", "zmp/reference", ZMP_COLOUR, ":", 1.0),
-    ("DCM estimated", "dcm/estimated", DCM_COLOUR, "-", 1.0),
+    ("ZMP measured", "zmp/measured", ZMP_COLOUR, "-", 0.8),
     ("DCM planned", "dcm/reference", DCM_COLOUR, "--", 0.9),
-    ("CoM estimated", "com/estimated", COM_COLOUR, "-", 1.2),
+    ("DCM estimated", "dcm/estimated", DCM_COLOUR, "-", 1.0),
     ("CoM planned", "com/reference", COM_COLOUR, "--", 0.9),
+    ("CoM estimated", "com/estimated", COM_COLOUR, "-", 1.2),
 )
+
+TRUE_FOOT = "truth/foot/left/position/x"
+"""Signal of a log that has the true places of the feet."""
 
 
 def draw_balance(logs: Sequence[Log]) -> Figure:
@@ -53,9 +56,11 @@ def draw_balance(logs: Sequence[Log]) -> Figure:
 def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
     time, (low, high) = log.time, support_box(log)
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
-        band(ax, time, low[:, i], high[:, i], "support")
+        ax.fill_between(
+            time, low[:, i], high[:, i], step="post", color=SUPPORT, linewidth=0.0, label="support"
+        )
         for label, group, colour, style, width in LINES:
-            if f"{group}/x" in log and np.isfinite(log.vector(group, 2)).any() and not _repeats(log, group):
+            if f"{group}/x" in log and np.isfinite(log.vector(group, 2)).any():
                 ax.plot(time, log.vector(group, 2)[:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
         if np.isfinite(low[:, i]).any():
@@ -89,16 +94,6 @@ def _errors(log: Log) -> Array:
     return sway
 
 
-def _repeats(log: Log, group: str) -> bool:
-    """Return true for references that are the estimate itself, and would only hide it."""
-    other = group.replace("/reference", "/estimated")
-    return (
-        other != group
-        and f"{other}/x" in log
-        and np.allclose(log.vector(group, 2), log.vector(other, 2), atol=1e-6, equal_nan=True)
-    )
-
-
 def draw_plan(logs: Sequence[Log]) -> Figure:
     """Draw footsteps and paths from above in the true world, as far as it is known, one row for each log."""
     spans = [_span(log) for log in logs]
@@ -114,19 +109,15 @@ def draw_plan(logs: Sequence[Log]) -> Figure:
 
 def _span(log: Log) -> tuple[float, float, float, float]:
     """Return the bounds of the footsteps with a margin: lower and upper x, lower and upper y, m."""
-    kinds = ("reference", "truth")[: 1 + _true(log)]
+    kinds = ("reference", "truth")[: 1 + (TRUE_FOOT in log)]
     shapes = [stance.corners for which in kinds for stance in stances(log, which)]
     (x0, y0, _), (x1, y1, _) = np.min(shapes, axis=(0, 1)), np.max(shapes, axis=(0, 1))
     room = 0.04 + 0.02 * max(x1 - x0, y1 - y0)
     return float(x0 - room), float(x1 + room), float(y0 - room), float(y1 + room)
 
 
-def _true(log: Log) -> bool:
-    return "truth/foot/left/position/x" in log
-
-
 def _one_plan(ax: Axes, log: Log, name: str) -> None:
-    truth, drift = _true(log), Drift.of(log)
+    truth, drift = TRUE_FOOT in log, Drift.of(log)
     for stance in stances(log):
         colour, shape = SIDE_COLOURS[stance.side], stance.corners[:, :2]
         ax.add_patch(Polygon(shape, facecolor=colour, alpha=0.13, edgecolor="none"))
@@ -147,7 +138,6 @@ def _one_plan(ax: Axes, log: Log, name: str) -> None:
 
 
 def _mark_pushes(ax: Axes, log: Log) -> None:
-    """Mark where pushes began, with arrows along their forces."""
     force = np.nan_to_num(log.vector("truth/push/force", 2))
     pushed = (force != 0.0).any(axis=1)
     for i, tick in enumerate(np.flatnonzero(pushed & ~np.concatenate([[False], pushed[:-1]])).tolist()):

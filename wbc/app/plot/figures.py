@@ -1,20 +1,28 @@
-"""Ready-made figures by name."""
+"""Ready-made figures by name, and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from wbc.app.files import PICTURES
 from wbc.app.log.reader import Log, parts_of
 from wbc.app.log.stances import stances
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.style import as_written
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, choose, printable
+from wbc.base.files import check_target, replacing, save_figure
 from wbc.core.robot import SIDES
+
+DPI = 130
 
 _LOADED_FEET = {"wrench_measured": 6, "estimated/position": 2, "estimated/orientation": 4}
 _PLANNED_FEET = {"reference/position": 3, "reference/orientation": 4}
@@ -79,3 +87,36 @@ def draw(name: str, logs: Log | Sequence[Log]) -> Figure:
         if lack is not None:
             raise InputError(f"figure '{name}' cannot be drawn: {log.path} {lack}")
     return FIGURES[name][1](logs)
+
+
+def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
+    """Write figures: several into the pages of one PDF, or into files whose names end in theirs.
+
+    Args:
+        figures: Figures by name.
+        path: File to write; its ending selects the format.
+
+    Returns:
+        The written files.
+
+    Raises:
+        FileError: The disk is full, for example.
+    """
+    target = check_target("a picture", path, PICTURES)
+    for text in (text for figure in figures.values() for text in figure.findobj(Text)):
+        if (shown := printable(text.get_text())) != text.get_text():  # of a file of somebody else
+            text.set_text(shown)
+    if target.suffix.lower() == ".pdf":
+        document = io.BytesIO()
+        with PdfPages(document) as pages:
+            for figure in figures.values():
+                pages.savefig(figure)
+        with replacing(target) as new:
+            new.write_bytes(document.getvalue())
+        return [target]
+    written = []
+    for name, figure in figures.items():
+        place = target if len(figures) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
+        save_figure(figure, place, dpi=DPI)
+        written.append(place)
+    return written

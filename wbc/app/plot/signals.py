@@ -100,7 +100,6 @@ def _draw_numbers(ax: Axes, logs: Sequence[Log], names: Sequence[str]) -> None:
 
 
 def _draw_text(ax: Axes, logs: Sequence[Log], name: str) -> None:
-    """Draw texts over time, each at a level of its own."""
     columns = [(log, log.texts(name)) for log in logs if name in log]
     levels = list(dict.fromkeys(t for _, texts in columns for t in texts if t is not None))
     places = {text: i for i, text in enumerate(levels)}

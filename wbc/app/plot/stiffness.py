@@ -66,7 +66,6 @@ def _one_stiffness(ax: Axes, log: Log, name: str) -> None:
 
 
 def _one_ground(ax: Axes, log: Log, name: str) -> None:
-    """Draw the profiles of all steps along the walk, each with the commanded stiffness."""
     del name
     steps = scans(log)
     ax.set_visible(bool(steps))

@@ -13,7 +13,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.base.numbers import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,11 +89,6 @@ def legend(axes: Axes, columns: int = 3, title: str = "") -> None:
             handlelength=1.6,
             columnspacing=1.2,
         )
-
-
-def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
-    """Shade a region over time."""
-    axes.fill_between(time, low, high, step="post", color=SUPPORT, linewidth=0.0, label=label)
 
 
 def mark_pushes(axes: Axes, log: Log) -> None:

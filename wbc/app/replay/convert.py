@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +18,6 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
 from wbc.app.replay.rerun_file import RerunFile
-from wbc.app.view.scene import DrawnScene
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
@@ -79,26 +77,19 @@ def convert_log(
             groups.setdefault(name.rpartition("/")[0] or name, []).append(signal)
     with replacing(target) as new:
         file = FORMATS[target.suffix.lower()][1](new, log)
-        steps = [partial(_write_group, file, log, name, signals) for name, signals in groups.items()]
-        if replay is not None:
-            scene = file.scene(replay.stage)
-            steps += [partial(_draw, scene, replay, tick) for tick in dict.fromkeys(replay.ticks(rate))]
-        for step in progress(steps):
-            step()
+        scene = None if replay is None else file.scene(replay.stage)
+        ticks = [] if replay is None else dict.fromkeys(replay.ticks(rate))
+        for step in progress([*groups, *ticks]):
+            if isinstance(step, str):
+                if numbers := with_numbers(log, groups[step]):
+                    file.write_numbers(step, numbers)
+                for signal in groups[step]:
+                    if signal.kind == "text":  # lists are drawn in the scene
+                        file.write_texts(signal.name)
+            elif replay is not None and scene is not None:
+                scene.draw(replay.picture(step))
         file.close()
     return reason
-
-
-def _write_group(file: LogFile, log: Log, name: str, signals: Sequence[Signal]) -> None:
-    if numbers := with_numbers(log, signals):
-        file.write_numbers(name, numbers)
-    for signal in signals:
-        if signal.kind == "text":  # lists are drawn in the scene
-            file.write_texts(signal.name)
-
-
-def _draw(scene: DrawnScene, replay: Replay, tick: int) -> None:
-    scene.draw(replay.picture(tick))
 
 
 def with_numbers(log: Log, signals: Sequence[Signal]) -> list[Signal]:

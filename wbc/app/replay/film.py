@@ -28,8 +28,6 @@ from wbc.sim.plant.model import aim
 Pixels = NDArray[np.uint8]
 """A picture, shape (height, width, 3)."""
 
-FFMPEG_HELP = 'a film needs the extra "film": pip install -e ".[film]" in the clone'
-
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
 
@@ -41,7 +39,7 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a film, after `check_target` and a check that it can be made here: `RenderError` if not."""
     target = check_target("a film", path, (".mp4",), inputs)
     if find_spec("imageio_ffmpeg") is None:
-        raise RenderError(FFMPEG_HELP)
+        raise RenderError('a film needs the extra "film": pip install -e ".[film]" in the clone')
     renderer(mujoco.MjSpec().compile(), 64, 64).close()
     return target
 
@@ -50,7 +48,6 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
     """Renderer of stages with their marks, which draws a copy of their model and data; see `renderer`."""
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
-        """Begin a picture of a size in pixels."""
         super().__init__(model, height, width, max_geom=model.ngeom + MOST_MARKS)
         self._copy, self._data = model, mujoco.MjData(model)
         self._marks = MujocoMarks(self.scene)
@@ -127,7 +124,6 @@ def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int
 
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
-    """Return a picture with title, time and text."""
     image, size = Image.fromarray(pixels), max(10, min(pixels.shape[:2]) // 36)
     text = "\n".join([f"{title}   {picture.time:.2f} s", *picture.text])
     font = ImageFont.load_default(size)

@@ -17,8 +17,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.meshes import Mesh
-from wbc.app.view.scene import DrawnScene
-from wbc.app.view.stage import Stage
+from wbc.app.view.stage import DrawnScene, Stage
 from wbc.robots.mechanism import Colour
 
 WORLD = "world"
@@ -29,7 +28,6 @@ class FoxgloveFile:
     """A file that is being written; `close` completes it."""
 
     def __init__(self, path: Path, log: Log) -> None:
-        """Begin the file of a log; an empty file of this name is replaced."""
         import foxglove  # noqa: PLC0415 - an extra
         from foxglove import channels, messages  # noqa: PLC0415
 
@@ -79,7 +77,6 @@ class FoxgloveScene(DrawnScene):
     """
 
     def __init__(self, stage: Stage, channels: Any, messages: Any, context: Any) -> None:
-        """Begin the topics."""
         super().__init__(stage)
         self._messages = messages
         self._names = {0: WORLD} | {each: stage.model.body(each).name or str(each) for each in self.moving}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Annotated
 
 import numpy as np
 
@@ -30,8 +31,8 @@ from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import decoding
-from wbc.base.numbers import Array, finite_scalar, read_only
-from wbc.base.settings import Ordinal, from_json
+from wbc.base.numbers import Array, read_only
+from wbc.base.settings import Ordinal, Positive, from_json
 from wbc.core.robot import SIDES
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
@@ -80,7 +81,6 @@ class Replay:
             self._read(log)
 
     def _read(self, log: Log) -> None:
-        """Read what is drawn beside the bodies."""
         self._drift = drift = Drift.of(log)
         self._com = log.vector("truth/com" if "truth/com/x" in log else "com/estimated", 3)
         self._zmp = drift(log.vector("zmp/measured", 3)) if "zmp/measured/x" in log else None
@@ -99,16 +99,15 @@ class Replay:
     def __len__(self) -> int:
         return len(self.log)
 
-    def ticks(self, rate: float, speed: float = 1.0) -> list[int]:
+    @checked
+    def ticks(self, rate: Annotated[Positive, "1/s"], speed: Positive = 1.0) -> list[int]:
         """Return the ticks nearest to equally spaced times; a tick comes again where pictures are faster than ticks.
 
         Args:
             rate: Pictures per second of the film, Hz.
             speed: Speed of the film: seconds of the run in one second of the film.
         """
-        rate = finite_scalar("pictures a second (1/s)", rate, above=0.0)
-        step = finite_scalar("speed of the replay", speed, above=0.0) / rate
-        time = self.log.time
+        step, time = speed / rate, self.log.time
         if (time[-1] - time[0] + 1e-9) / step > MOST_PICTURES:
             raise InputError(f"a replay has at most {MOST_PICTURES:,} pictures, got {rate:g} a second")
         times = np.arange(time[0], time[-1] + 1e-9, step)
@@ -120,8 +119,7 @@ class Replay:
     def picture(self, tick: Ordinal) -> Picture:
         """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
-        Furniture whose places the log does not have stays where it was at the start. Forces are those of
-        the foot sensors. A tick that the log does not have is an `InputError`.
+        Forces are those of the foot sensors. A tick that the log does not have is an `InputError`.
         """
         if tick >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
@@ -216,8 +214,7 @@ def _states_of_plant(log: Log, plant: Plant) -> Array:
             )
         q[:, joint.qposadr[0]] = log[name]
     for name, _, place in furniture_signals(plant):
-        if name in log:
-            q[:, place] = log[name]
+        q[:, place] = log[name]
     return q
 
 

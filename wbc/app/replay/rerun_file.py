@@ -21,7 +21,6 @@ class RerunFile:
     """A file for Rerun that is being written; `close` completes it."""
 
     def __init__(self, path: Path, log: Log) -> None:
-        """Begin the file of a log."""
         import rerun  # noqa: PLC0415 - an extra
 
         self._path, self._log, self._rerun = path, log, rerun

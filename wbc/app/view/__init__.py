@@ -18,10 +18,10 @@ Viewer = Literal["meshcat", "workbench", "rerun", "mujoco"]
 """Names of the live views: the page of MeshCat shows the run, that of the workbench changes it, that of Rerun keeps it;
 mujoco is the window of MuJoCo's viewer."""
 
-VIEWERS: dict[str, tuple[str, str]] = {
-    "meshcat": ("wbc.app.view.meshcat_view", "MeshcatView"),
-    "workbench": ("wbc.app.view.workbench", "Workbench"),
-    "rerun": ("wbc.app.view.rerun_view", "RerunView"),
-    "mujoco": ("wbc.app.view.mujoco_view", "MujocoView"),
+VIEWERS = {
+    "meshcat": "MeshcatView",
+    "workbench": "Workbench",
+    "rerun": "RerunView",
+    "mujoco": "MujocoView",
 }
-"""Module and class of each live view, which are imported when a run is shown: some need an extra."""
+"""Class of each live view, a name of `wbc.app`, which imports it when a run is shown: some need an extra."""

@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
 
+HOSTS = (LOCAL, "localhost", "::1")
+"""Names of this machine, as a browser has them in an address."""
+
 Port = Annotated[int, Field(ge=0, le=65535)]
 """Port to listen at; 0 is any free one."""
 

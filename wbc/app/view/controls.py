@@ -96,7 +96,6 @@ class LiveControls:
         walking: SteeredControl | None,
         controller: Controller | None = None,
     ) -> None:
-        """Find the controls that the run has."""
         self.plant, self.walking = plant, walking
         if controller is None and walking is not None and walking.drives is not None:
             controller = walking.drives.controller

@@ -23,12 +23,10 @@ from meshcat.servers.zmqserver import VIEWER_HTML, VIEWER_ROOT, StaticFileHandle
 from tornado.web import Application, RequestHandler  # tornado comes with meshcat
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
+from wbc.app.view.base import HOSTS, LOCAL, TEXT_PERIOD, View, ViewError
 from wbc.app.view.marks import Mark, Picture, css, mark_mesh
 from wbc.app.view.meshes import Mesh
-from wbc.app.view.page_guard import HOSTS
-from wbc.app.view.scene import DrawnScene
-from wbc.app.view.stage import Stage
+from wbc.app.view.stage import DrawnScene, Stage
 from wbc.base.numbers import Array
 from wbc.robots.mechanism import Colour
 
@@ -76,7 +74,6 @@ class MeshcatScene(DrawnScene):
     """
 
     def __init__(self, stage: Stage) -> None:
-        """Begin in the place of another scene."""
         super().__init__(stage)
         self.messages: list[tuple[tuple[str, ...], bytes]] = []
         self._put(ROOT, commands.Delete)
@@ -200,7 +197,7 @@ class MeshcatServer:
                 ("/caption", Feed, {"readers": self._readers, "present": lambda: [self._caption]}),
             ],
         )
-        self._server = app.listen(port, address=HOSTS[0])
+        self._server = app.listen(port, address=LOCAL)
 
     @property
     def busy(self) -> bool:

@@ -18,8 +18,7 @@ import numpy as np
 from wbc.app.view.base import LOCAL, View, ViewError, free_port
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.meshes import Mesh, normals
-from wbc.app.view.scene import EYE, LOOK_AT, DrawnScene
-from wbc.app.view.stage import Stage
+from wbc.app.view.stage import EYE, LOOK_AT, DrawnScene, Stage
 from wbc.robots.mechanism import Colour
 
 START_TIME = 20.0
@@ -33,7 +32,6 @@ class RerunScene(DrawnScene):
     """Scene in a stream of Rerun: shapes under the transforms of their bodies, and marks. Names hold no spaces."""
 
     def __init__(self, stage: Stage, stream: Any) -> None:
-        """Write the shapes."""
         import rerun  # noqa: PLC0415 - an extra
 
         super().__init__(stage)

@@ -1,4 +1,4 @@
-"""Sources of pictures: a robot in a simulation, or the description of one whose states are given, and run of a view."""
+"""Sources of pictures, a robot in a simulation or a described one whose states are given, and scenes that show them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from wbc.app.drift import MIN_LOAD
-from wbc.app.view.marks import Force, Picture, Scale, force_marks, sole_force
+from wbc.app.view.marks import Force, Mark, Picture, Scale, force_marks, legend, sole_force
+from wbc.app.view.meshes import body_meshes
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, finite_scalar
@@ -21,6 +22,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import RobotDescription
+from wbc.robots.mechanism import Colour
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
@@ -30,6 +32,9 @@ from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natural_frequency
 from wbc.walking.control import WalkingControl
 from wbc.walking.steered import SteeredControl
+
+EYE, LOOK_AT = np.array([2.6, -2.0, 1.7]), np.array([0.0, 0.0, 0.8])
+"""Place of the camera and point that it looks at, in heights of the centre of mass."""
 
 STATUS_LENGTH = 120
 """Number of characters of the state of the control that are shown; a fall and a stop stand first in it."""
@@ -57,7 +62,6 @@ class Stage(ABC):
     soles: Sequence[Sequence[int]] = ()
 
     def __init__(self, title: str, robot: Robot, com: float, floor: float) -> None:
-        """Take the height of the centre of mass, m, with that of the floor."""
         self.title, self.robot, self.floor = title, robot, floor
         self.scale = Scale(com - floor, robot.mass * GRAVITY)
 
@@ -85,10 +89,10 @@ class SimulatedStage(Stage):
         self.plant, self._walking = robot, walking
         self.model, self.data, self.places = robot.model, robot.data, robot.places
         self._marks = None if walking is None else WalkMarks(robot, walking, self.scale)
-        self.soles = sole_bodies(robot)
-        self._springs: list[int] = []
-        if isinstance(robot, Plant) and all(self.soles):
-            self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
+        feet = robot.feet if isinstance(robot, Plant) else ()
+        hinges = [[robot.model.joint(name) for name in foot.variable_joints] for foot in feet]
+        self.soles = [sorted({int(hinge.bodyid[0]) for hinge in each}) for each in hinges]
+        self._springs = [int(each[0].id) for each in hinges if each]
 
     def take(self, state: Robot | Array | None, read: Measurement | None) -> float:
         """See `Stage`; `InputError` for what a simulation has itself."""
@@ -198,6 +202,60 @@ class DescribedStage(Stage):
         return picture
 
 
+class DrawnScene(ABC):
+    """Bodies and marks as one kind of page, stream or file shows them; `draw` shows a picture.
+
+    Attributes:
+        stage: Stage whose bodies are shown.
+        meshes: Triangles of the bodies, each of one colour; a mesh is named by its number in this list.
+        moving: Bodies that move.
+        meanings: Legend of all pictures so far: texts and their colours.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        """Begin without marks; the first picture paints all meshes."""
+        self.stage, self.meshes = stage, body_meshes(stage.model)
+        self.moving = sorted({mesh.body for mesh in self.meshes} - {0})
+        self.meanings: dict[str, Colour] = {}
+        self._colours: dict[int, Colour] = {}  # of the meshes as they are shown
+        self._marks: dict[str, Mark] = {}  # as they are shown
+
+    def draw(self, picture: Picture) -> None:
+        """Show a picture: bodies at their places, and the colours and marks that look other than those shown."""
+        for body in self.moving:
+            self._move(body)
+        for number, (body, own, _) in enumerate(self.meshes):
+            if self._colours.get(number) != (colour := picture.colours.get(body, own)):
+                self._colours[number] = colour
+                self._paint(number, colour)
+        for name in self._marks.keys() - {mark.name for mark in picture.marks}:
+            self._erase(self._marks.pop(name))
+        for mark in picture.marks:
+            shown = self._marks.get(mark.name)
+            if shown is None or not mark.looks_like(shown):
+                if shown is not None and shown.kind != mark.kind:
+                    self._erase(shown)
+                self._marks[mark.name] = mark
+                self._show(mark)
+        self.meanings |= legend(picture)
+
+    @abstractmethod
+    def _move(self, body: int) -> None:
+        """Move a body to its place in the stage's data."""
+
+    @abstractmethod
+    def _paint(self, number: int, colour: Colour) -> None:
+        """Give a mesh a colour."""
+
+    @abstractmethod
+    def _show(self, mark: Mark) -> None:
+        """Show a mark, in the place of the one of its name, which is of its kind."""
+
+    @abstractmethod
+    def _erase(self, mark: Mark) -> None:
+        """Take a mark away."""
+
+
 class ShownRun:
     """Run that a view shows; None for what it has not.
 
@@ -215,7 +273,6 @@ class ShownRun:
     def __init__(
         self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
     ) -> None:
-        """Take the parts that are shown; see `View` for what they may be."""
         if program is not None and not isinstance(program, Program):
             raise InputError(f"a view shows the states of a Program, got {program!r}")
         control = program.control if control is None and program is not None else control
@@ -251,14 +308,6 @@ class ShownRun:
             picture.text.append(f"control: {status}")
         if self.ending:
             picture.text.append(f"the run has ended: {self.ending}")
-
-
-def sole_bodies(robot: MujocoRobot) -> list[list[int]]:
-    """Return the bodies of each foot of a plant on hinges of variable stiffness; empty for a passive foot."""
-    feet = robot.feet if isinstance(robot, Plant) else ()
-    return [
-        sorted({int(robot.model.joint(name).bodyid[0]) for name in foot.variable_joints}) for foot in feet
-    ]
 
 
 def zmp_of(wrench: Array, level: float) -> Array | None:

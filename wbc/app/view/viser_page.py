@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import hmac
+import http
 import io
 import math
+import secrets
+import threading
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from html import escape
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 
-from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
+from wbc.app.view.base import HOSTS, LOCAL, TEXT_PERIOD, ViewError
 from wbc.app.view.marks import Mark, Picture, css, mark_mesh
-from wbc.app.view.page_guard import PageGuard
-from wbc.app.view.scene import EYE, LOOK_AT, DrawnScene
-from wbc.app.view.stage import Stage
+from wbc.app.view.stage import EYE, LOOK_AT, DrawnScene, Stage
 from wbc.robots.mechanism import Colour
 
 ROOT = "/wbc"
@@ -24,6 +28,71 @@ ROOT = "/wbc"
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 """Choices of the speed, multiples of real time."""
+
+_one_at_a_time = threading.Lock()
+
+
+class PageGuard:
+    """Gate in front of viser's server, which itself answers everybody: whoever speaks to a workbench drives the robot.
+
+    Requests are answered if all of these hold:
+
+    - their path begins with a secret of the run, which stands in the link;
+    - their host is a name of this machine, so that no foreign name can be made to lead here;
+    - the page that has sent them, their origin, is the page itself, or they come from no page.
+
+    Attributes:
+        secret: First part of the path of every request.
+        stands: True once it stands in front of a server.
+    """
+
+    def __init__(self) -> None:
+        self.secret = secrets.token_urlsafe(16)
+        self.stands = False
+
+    @contextlib.contextmanager
+    def guards(self) -> Iterator[None]:
+        """Stand in front of viser's server that the block starts.
+
+        viser has no means of its own: it hands its requests to a function of `websockets`, which is wrapped.
+        """
+        from websockets.asyncio import server  # noqa: PLC0415 - comes with viser, an extra
+
+        serve = server.serve
+
+        def serve_guarded(handler: Any, *places: Any, process_request: Any = None, **how: Any) -> Any:
+            if handler.__module__.partition(".")[0] == "viser":
+                process_request, self.stands = partial(self.answer, process_request), True
+            return serve(handler, *places, process_request=process_request, **how)
+
+        with _one_at_a_time:
+            server.serve = serve_guarded  # type: ignore[assignment,misc]
+            try:
+                yield
+            finally:
+                server.serve = serve  # type: ignore[misc]
+
+    def answer(self, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
+        """Return the answer to a request (None lets a web socket in), or a refusal."""
+        _, first, rest = [*request.path.split("/", 2), "", ""][:3]
+        known = hmac.compare_digest(first.partition("?")[0].encode(), self.secret.encode())
+        if not (known and self.is_own(request.headers.get_all("Host"), request.headers.get_all("Origin"))):
+            return connection.respond(
+                http.HTTPStatus.FORBIDDEN, "Open the link that the program has printed.\n"
+            )
+        request.path = f"/{rest}"
+        return answer(connection, request)
+
+    @staticmethod
+    def is_own(hosts: list[str], origins: list[str]) -> bool:
+        """Return true for a request to this machine by its name, from the page itself or from no page."""
+        if len(hosts) != 1 or len(origins) > 1:
+            return False
+        try:
+            named = urlsplit(f"//{hosts[0]}").hostname in HOSTS
+        except ValueError:
+            return False
+        return named and all(origin == f"http://{hosts[0]}" for origin in origins)
 
 
 class ViserPage:
@@ -70,10 +139,9 @@ class ViserScene(DrawnScene):
     """Scene of a page: below one root a frame for each body, with its meshes, and the marks."""
 
     def __init__(self, stage: Stage, nodes: Any) -> None:
-        """Begin among the nodes of a server, in the place of another scene."""
         super().__init__(stage)
         nodes.reset()
-        self._nodes, self._follows, self._transparent, self._target = nodes, True, False, np.zeros(3)
+        self._nodes, self._follows, self._target = nodes, True, np.zeros(3)
         self._root = nodes.add_frame(ROOT, show_axes=False)
         nodes.add_grid(f"{ROOT}/grid", 40.0, 40.0, position=(0.0, 0.0, stage.floor))
         self._frames = {body: nodes.add_frame(f"{ROOT}/body {body}", show_axes=False) for body in self.moving}
@@ -92,19 +160,13 @@ class ViserScene(DrawnScene):
         x, y = self._target[:2] if on else (0.0, 0.0)
         self._root.position = (-x, -y, 0.0)
 
-    def see_through(self, on: bool) -> None:
-        """Show all bodies that move as transparent, or as they are."""
-        self._transparent = on
-        for number in self._drawn:
-            self._paint(number, self._colours[number])
-
     def _move(self, body: int) -> None:
         frame, data = self._frames[body], self.stage.data
         frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
 
     def _paint(self, number: int, colour: Colour) -> None:
         body, _, (vertices, faces) = self.meshes[number]
-        look = paint(colour) | ({"opacity": 0.4} if self._transparent and body > 0 else {})
+        look = paint(colour)
         if (drawn := self._drawn.get(number)) is not None:
             drawn.color, drawn.opacity = look.values()
         else:
@@ -135,7 +197,6 @@ class ViserPanel:
     """
 
     def __init__(self, page: ViserPage, stage: Stage) -> None:
-        """Begin in the place of the page's former content."""
         self._page, self.gui, camera = page, page.server.gui, page.server.initial_camera
         while page.keys:
             page.keys.pop().remove()
@@ -146,9 +207,10 @@ class ViserPanel:
         self._said, self._spoken = "", -math.inf  # text of the last picture; clock of the last texts
         self.text(lambda: self._said)
         self.checkbox("camera follows", True, self.scene.follow)
-        self.checkbox("see through the robot", False, self.scene.see_through)
         with self.gui.add_folder("meaning of the colours", expand_by_default=False):
-            self.text(lambda: legend_html(self.scene.meanings))
+            dot = '<span style="color: {}">⬤</span> {}'
+            meanings = self.scene.meanings
+            self.text(lambda: paragraph(dot.format(css(c), escape(text)) for text, c in meanings.items()))
 
     def draw(self, picture: Picture) -> None:
         """Show a picture; the texts follow by `speak`."""
@@ -195,17 +257,11 @@ def text_html(head: str, *lines: str) -> str:
 
     Texts of logs, programs and tasks come from anywhere. Markdown would not do: the page runs what is HTML in it.
     """
-    return _paragraph([f"<b>{escape(head)}</b>", *map(escape, lines)] if head or lines else [])
+    return paragraph([f"<b>{escape(head)}</b>", *map(escape, lines)] if head or lines else [])
 
 
-def legend_html(meanings: dict[str, Colour]) -> str:
-    """Return a legend."""
-    return _paragraph(
-        f'<span style="color: {css(colour)}">⬤</span> {escape(text)}' for text, colour in meanings.items()
-    )
-
-
-def _paragraph(lines: Iterable[str]) -> str:
+def paragraph(lines: Iterable[str]) -> str:
+    """Return lines of HTML as a paragraph of the panel."""
     return f"<div style='padding: 0 1em; font-size: 0.85em'>{'<br>'.join(lines)}</div>"
 
 

@@ -116,7 +116,6 @@ class ControlPanel(ViserPanel):
     """
 
     def __init__(self, page: ViserPage, view: Workbench) -> None:
-        """Begin in the place of the page's former content, with all controls that the run of a view has."""
         run, controls = view.run, view.controls
         super().__init__(page, run.stage)
         gui, offered, order = self.gui, controls.offered, controls.order
@@ -190,7 +189,6 @@ class SettingsFolder:
     """Folder of the settings of a run, and of the gizmos of its targets; made anew when tasks have come or gone."""
 
     def __init__(self, panel: ViserPanel, nodes: Any, controls: LiveControls) -> None:
-        """Make it; the gizmos are among the nodes of viser's scene."""
         self._panel, self._nodes, self._controls = panel, nodes, controls
         self._folder: Any = None
         self._shown: list[str] = []  # settings in it
@@ -225,7 +223,9 @@ class SettingsFolder:
                         if name.rpartition("/")[0] == group:
                             self._add_number(setting)
                     task: Any = tasks.get(group)
-                    if task is not None and task.held_by is None and _has_place(task):
+                    target: Any = getattr(task, "target", None)
+                    placed = isinstance(target, pin.SE3) or np.shape(target) in ((3,), (3, 3))
+                    if placed and task.held_by is None:
                         self._gizmos.append(Gizmo(self._nodes, task, size, controls.order))
                         panel.checkbox("gizmo on the target", False, self._gizmos[-1].show)
 
@@ -289,9 +289,3 @@ def program_text(program: Program) -> str:
     """Return the present state of a program, and how the last ones ended, as HTML."""
     now = f"ended: {program.outcome}" if program.ended else program.path
     return text_html(now, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:]))
-
-
-def _has_place(task: Any) -> bool:
-    """Return true for a task whose target is a point, a rotation or a pose."""
-    target: Any = getattr(task, "target", None)
-    return isinstance(target, pin.SE3) or np.shape(target) in ((3,), (3, 3))

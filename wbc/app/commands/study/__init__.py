@@ -1,1 +1,0 @@
-"""`wbc study`: studies, their runs, tables and figures."""
