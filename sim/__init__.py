@@ -21,7 +21,7 @@ from wbc.sim.simulation.machine import Machine
 from wbc.sim.simulation.sensors import SensorNoise, SignalNoise
 from wbc.sim.simulation.simulation import DivergedError, Simulation
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
-from wbc.sim.terrain.families.solids import dome
+from wbc.sim.terrain.shapes import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loops import register_loop, trial_loop

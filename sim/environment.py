@@ -6,7 +6,6 @@ of the centre of mass and the lean and turn of the trunk in "wbc/Stand-v0", in w
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -74,9 +73,6 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
     A simulation that diverges ends the episode as a fall does, with the observation before it: `info["diverged"]` has
     the reason.
 
-    A copy, by `copy` or by a pickle, has made the same episode: it is begun anew and the actions are repeated, in the
-    time that they take.
-
     Attributes:
         trial: The present episode; None before `reset`.
         frame_skip: Control periods for which an action holds.
@@ -134,7 +130,6 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         self.observation_space = gymnasium.spaces.Box(-seen, seen)
         self.trial: WalkTrial | None = None
         self._renderer: mujoco.Renderer | None = None
-        self._actions: list[Array] = []  # of the present episode
         self._over = False  # the present episode has ended
         self._last: Seen | None = None  # observation
         self._reached = self._height = 0.0  # way so far, and height of the CoM at the start of a stand, m
@@ -171,7 +166,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         """Begin an episode, and return its first observation."""
         visuals = bool(hooks) or self.render_mode is not None
         self.trial, self._hooks = WalkTrial(spec, visuals=visuals), hooks
-        self._actions, self._over = [], False
+        self._over = False
         if self._task == "stand":
             self._height = self.trial.control.body.com_height
         with one_thread():  # sums of several threads depend on their number
@@ -214,32 +209,6 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         pixels: Pixels = self._renderer.render()
         return pixels
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what makes the same episode: its spec, the actions, and the observation to which they lead."""
-        state = {
-            name: value for name, value in vars(self).items() if name not in ("trial", "_hooks", "_renderer")
-        }
-        state["_np_random"] = copy.deepcopy(self._np_random)
-        return {**state, "episode": None if self.trial is None else self.trial.spec}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the same episode; an `InputError` if it was not made by the actions alone."""
-        state = dict(state)
-        spec, actions, last = state.pop("episode"), state["_actions"], state["_last"]
-        self.__dict__.update(state)
-        self.trial, self._hooks, self._renderer = None, (), None
-        if spec is None:
-            return
-        self._begin(spec)
-        for action in actions:
-            self.step(action)
-        assert self._last is not None
-        if not np.array_equal(self._last, last):
-            raise InputError(
-                "an environment is copied by a reset with its spec and by its actions, and something else has acted on "
-                "this episode, such as a push: reset another one with the same seed, and repeat all of it"
-            )
-
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Let an action, shape (3,) or (4,), hold for a period; see the class for actions, observations and rewards.
 
@@ -250,7 +219,6 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         if trial is None or self._over:
             raise InputError("reset the environment before the first step of each episode")
         action = finite_array("action", action, self.action_space.shape)
-        self._actions.append(action)
         self._order(trial, np.clip(action, *self._bounds))
         alive = True
         with one_thread():

@@ -16,8 +16,7 @@ from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.foreign.actuators import JointActuators
-from wbc.sim.foreign.floor import floor_of
-from wbc.sim.foreign.notes import drive_notes, model_notes, sensor_notes
+from wbc.sim.foreign.notes import drive_notes, floor_of, model_notes, sensor_notes
 from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.mujoco_robot import BAD_STATE, MujocoRobot
 from wbc.sim.plant.places import RobotPlaces

@@ -64,12 +64,6 @@ def _shared_model(
     return finished(spec, " and ".join(descriptions), few_contacts=things is None)
 
 
-def _seed_of(seed: int, index: int) -> int:
-    """Return the seed of one of several robots: that of the plant for the first, drawn from it for the others."""
-    drawn = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
-    return seed if index == 0 else int(drawn[0])
-
-
 class SharedPlant:
     """Plant with several robots on one ground.
 
@@ -146,6 +140,8 @@ class SharedPlant:
             places_in_model.set_configuration(self._start(name, robot), self.data.qpos)
         mujoco.mj_forward(self.model, self.data)
         self.control_period = float(control_period)
+        drawn = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(1, len(descriptions))]
+        seeds = [seed, *(int(each.generate_state(1, np.uint64)[0]) for each in drawn)]
         self.loops = {
             name: MujocoLoop(
                 description,
@@ -154,9 +150,9 @@ class SharedPlant:
                 control_period=control_period,
                 prefix=f"{name}/",
                 noise=noise,
-                seed=_seed_of(seed, i),
+                seed=own,
             )
-            for i, (name, description) in enumerate(descriptions.items())
+            for own, (name, description) in zip(seeds, descriptions.items(), strict=True)
         }
         for loop in self.loops.values():
             loop._shared = True

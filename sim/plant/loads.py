@@ -34,11 +34,6 @@ class Loads:
         self._compiled: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]] = []  # arrays, and copies
 
     @property
-    def changing(self) -> bool:
-        """True while a mass changes."""
-        return any(load.mass != load.target for load in self._loads.values())
-
-    @property
     def mass(self) -> float:
         """Mass of all loads now, kg."""
         return sum(load.mass for load in self._loads.values())
@@ -64,6 +59,8 @@ class Loads:
 
     def advance(self, time: float) -> None:
         """Change masses for the coming time, s."""
+        if all(load.mass == load.target for load in self._loads.values()):
+            return
         for load in self._loads.values():
             step = load.rate * time if load.mass != load.target else 0.0
             load.mass = min(max(load.target, load.mass - step), load.mass + step)

@@ -26,8 +26,7 @@ from wbc.ground import PointCloud
 from wbc.robots.description import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.plant.drives import Drives, Targets
-from wbc.sim.plant.eyes import DepthCamera, ToeSensors
-from wbc.sim.plant.eyes.eyes import Eyes
+from wbc.sim.plant.eyes import DepthCamera, Eyes, ToeSensors
 from wbc.sim.plant.fitting import FootDevices
 from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.loads import Loads
@@ -269,8 +268,7 @@ class Plant(MujocoRobot):
         if self._until_due:
             self._set_soles(None, self._until_due)
         super()._take(order)
-        if self._loads.changing:
-            self._loads.advance(self.control_period)
+        self._loads.advance(self.control_period)
 
     def clouds(self) -> list[PointCloud]:
         """Return the clouds of points that have arrived from all eyes since the last call; empty without eyes."""

@@ -72,37 +72,29 @@ class Ground:
         """Footprint rectangles of the solids, shape (n, 4), m."""
         return np.array([s.box for s in self.solids]).reshape(-1, 4)
 
-    def _highest(self, x: Array, y: Array) -> Array:
-        """Return the height below each point, shape (n,), m; NaN where x or y is."""
-        known = ~(np.isnan(x) | np.isnan(y))
-        if not known.all():
-            heights = np.full(x.shape, np.nan)
-            heights[known] = self._highest(x[known], y[known])
-            return heights
-        z: Array = np.full(x.shape, self.floor)
-        if self.field is not None:
-            z = np.maximum(z, self.field.top(x, y))
-        if x.size == 0 or not self.solids:
-            return z
-        # Points sorted by x: each solid then looks at one slice of them, and most solids at none.
-        order = np.argsort(x, kind="stable")
-        xs, ys = x[order], y[order]
-        first = np.searchsorted(xs, self._boxes[:, 0], side="left")
-        last = np.searchsorted(xs, self._boxes[:, 1], side="right")
-        near = (last > first) & (self._boxes[:, 2] <= ys.max()) & (self._boxes[:, 3] >= ys.min())
-        for i in np.flatnonzero(near):
-            inside = (ys[first[i] : last[i]] >= self._boxes[i, 2]) & (
-                ys[first[i] : last[i]] <= self._boxes[i, 3]
-            )
-            ids = order[first[i] : last[i]][inside]
-            if ids.size:
-                z[ids] = np.maximum(z[ids], self.solids[i].top(x[ids], y[ids]))
-        return z
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground, m, at world x and y (m), in their broadcast shape; NaN where x or y is."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        return self._highest(bx.ravel(), by.ravel()).reshape(bx.shape)
+        known = ~(np.isnan(bx) | np.isnan(by))
+        # Points sorted by x: each solid then looks at one slice of them, and most solids at none.
+        order = np.argsort(bx[known], kind="stable")
+        xs, ys = bx[known][order], by[known][order]
+        z: Array = np.full(xs.shape, self.floor)
+        if self.field is not None:
+            z = np.maximum(z, self.field.top(xs, ys))
+        if xs.size and self.solids:
+            first = np.searchsorted(xs, self._boxes[:, 0], side="left")
+            last = np.searchsorted(xs, self._boxes[:, 1], side="right")
+            near = (last > first) & (self._boxes[:, 2] <= ys.max()) & (self._boxes[:, 3] >= ys.min())
+            for i in np.flatnonzero(near):
+                across = ys[first[i] : last[i]]
+                inside = (across >= self._boxes[i, 2]) & (across <= self._boxes[i, 3])
+                ids = first[i] + np.flatnonzero(inside)
+                z[ids] = np.maximum(z[ids], self.solids[i].top(xs[ids], ys[ids]))
+        heights, unsorted = np.full(bx.shape, np.nan), np.empty_like(z)
+        unsorted[order] = z
+        heights[known] = unsorted
+        return heights
 
 
 def flat_box(x0: float, x1: float, width: float, level: float, floor: float) -> Box:

@@ -23,8 +23,9 @@ from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettin
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.areas import Area, read_areas
 from wbc.sim.terrain.families.base import Family, FieldFamily, make_family
-from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site
+from wbc.sim.terrain.families.site import Draws, Site
 from wbc.sim.terrain.ground import Ground
+from wbc.sim.terrain.shapes import LONGEST_TRACK
 
 RAMP = 0.5
 """Default length over which heights grow from 0, m: about three steps. A strip that begins with an edge as high as the
@@ -114,11 +115,10 @@ class Terrain:
         """Pickle the fields alone: the surface is built again."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
-    @staticmethod
-    @checked
-    def default_ramp(parameters: Family) -> float:
-        """Return the length of the ramp of a family by default, m."""
-        return parameters.track().get("ramp", RAMP)
+    @property
+    def default_ramp(self) -> float:
+        """Length of the ramp of its family by default, m."""
+        return self.parameters.track().get("ramp", RAMP)
 
     @property
     def name(self) -> str:

@@ -281,11 +281,10 @@ class WalkSpec(TrialSpec):
 
 def _as_used(ground: Terrain, params: Changes) -> Changes:
     """Return parameters as the ground has them, 1 and 1.0 are the same length; of a file its name and its hash."""
-    default_ramp = ground.default_ramp(ground.parameters)
     values = {
         name: value if name == SOURCE else getattr(ground.parameters, name, getattr(ground, name, value))
         for name, value in params
-        if name != RAMP_NAME or (ground.name != "flat" and ground.ramp != default_ramp)
+        if name != RAMP_NAME or (ground.name != "flat" and ground.ramp != ground.default_ramp)
     }
     if isinstance(source := values.get(SOURCE), str):
         values[SOURCE] = stamped_file(source, "ground")

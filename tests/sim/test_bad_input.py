@@ -132,7 +132,6 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: terrain("image", source=np.eye(5)), "metres_per_pixel|scale"),
         (lambda: dome(0.0, 0.0, 1e300, 0.1), r"radius of dome \(m\)"),
         (lambda: dome(0.0, 0.0, 0.1, 1e4), r"top of dome \(m\)"),
-        (lambda: terrain("flat").default_ramp(3), "parameters of Terrain.default_ramp"),  # type: ignore[arg-type]
     ],
     "a floor that gives, an area": [
         (lambda: terrain("flat", floor_stiffness=0.0), "floor_stiffness"),

@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from wbc.sim import MujocoLoop
-from wbc.sim.foreign.floor import floor_under
+from wbc.sim.foreign.notes import floor_under
 from wbc.sim.plant.places import RobotPlaces
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text(encoding="utf-8")

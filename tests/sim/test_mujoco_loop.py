@@ -20,7 +20,7 @@ from wbc.base.errors import InputError, MeasurementError, ModelError, UnknownNam
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, PhysicsSettings, Plant
-from wbc.sim.foreign.floor import friction_under
+from wbc.sim.foreign.notes import friction_under
 from wbc.sim.simulation.simulation import lowest_sole_point
 
 DESCRIPTION = wbc.load_robot("hrp4_class")

@@ -18,7 +18,7 @@ from wbc.sim.terrain.families.base import Family, FieldFamily, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.families.site import Draws, Site, cells, centred
-from wbc.sim.terrain.families.solids import bar, dome, footprint_margin, plate, stone
+from wbc.sim.terrain.shapes import bar, dome, footprint_margin, plate, stone
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]

@@ -11,8 +11,7 @@ from wbc.base.errors import InputError
 from wbc.base.settings import settings
 from wbc.sim.terrain.families.base import ShapeFamily
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.families.solids import dome
-from wbc.sim.terrain.shapes import Shape
+from wbc.sim.terrain.shapes import Shape, dome
 from wbc.sim.terrain.spec import terrain
 
 

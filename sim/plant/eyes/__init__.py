@@ -5,6 +5,6 @@ The plant imports this room, so that here its type is any.
 """
 
 from wbc.sim.plant.eyes.depth import DepthCamera, DepthView
-from wbc.sim.plant.eyes.toes import ToeSensors
+from wbc.sim.plant.eyes.toes import Eyes, ToeSensors
 
-__all__ = ["DepthCamera", "DepthView", "ToeSensors"]
+__all__ = ["DepthCamera", "DepthView", "Eyes", "ToeSensors"]

@@ -90,7 +90,11 @@ class DepthCamera:
         places = RobotPlaces(model, plant.robot, feet=[foot.body for foot in plant.feet])
         view = DepthView(self, places, plant.data)
         view.look_out()
-        view.check()
+        if not view._cast().any():
+            raise InputError(
+                f"the depth camera on '{view.frame}' sees no ground within {self.furthest:g} m: "
+                f"turn it (roll, pitch, yaw {self.turn} rad) or move it ({self.at} m)"
+            )
         return view
 
 
@@ -159,15 +163,6 @@ class DepthView:
         inside = np.einsum("nji,nj->ni", turns, place - data.geom_xpos) - model.geom_aabb[:, :3]
         holds = (np.abs(inside) <= model.geom_aabb[:, 3:]).all(axis=1) | (model.geom_bodyid == self._body)
         model.geom_rgba[self._own & holds, 3] = 0.0
-
-    def check(self) -> None:
-        """Raise an `InputError` if the camera sees no ground in the present posture of the robot."""
-        c = self.camera
-        if not self._cast().any():
-            raise InputError(
-                f"the depth camera on '{self.frame}' sees no ground within {c.furthest:g} m: "
-                f"turn it (roll, pitch, yaw {c.turn} rad) or move it ({c.at} m)"
-            )
 
     def reset(self, seed: int) -> None:
         """Restart the sensor errors with a seed."""

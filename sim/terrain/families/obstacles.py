@@ -13,8 +13,7 @@ from pydantic import Field
 from wbc.base.settings import NonNegative, Positive
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.families.solids import bar, footprint_margin, plate, stone
-from wbc.sim.terrain.shapes import Capsule, Pyramid, Shape
+from wbc.sim.terrain.shapes import Capsule, Pyramid, Shape, bar, footprint_margin, plate, stone
 
 
 def _stations(site: Site, low: float, high: float, margin: float) -> list[float]:

@@ -14,8 +14,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Positive, Share
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site, centred
-from wbc.sim.terrain.families.solids import BURIED, plate
-from wbc.sim.terrain.shapes import Cylinder, Shape
+from wbc.sim.terrain.shapes import BURIED, Cylinder, Shape, plate
 
 SHORTEST_CUT = 0.25
 """Ratio of its length below which a brick that the edge of the track cuts is left out."""

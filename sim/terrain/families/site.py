@@ -14,9 +14,6 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Seed
 
-LONGEST_TRACK = 1000.0
-"""Longest and widest track, m."""
-
 
 class Draws:
     """One stream of uniform numbers, fixed by a seed and a key; another key is an independent stream.

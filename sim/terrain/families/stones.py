@@ -12,8 +12,7 @@ from pydantic import Field
 from wbc.base.settings import Positive, Share
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.families.solids import dome, stone
-from wbc.sim.terrain.shapes import Shape
+from wbc.sim.terrain.shapes import Shape, dome, stone
 
 
 @family("stones")
