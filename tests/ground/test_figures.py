@@ -235,6 +235,8 @@ def test_points_on_the_body_are_those_within_its_shapes_and_over_its_soles(seed:
     off = body.off(robot.data, points)
     np.testing.assert_array_equal(off[clear], nearest[clear] > 0.0)
     assert 0.05 < off.mean() < 0.95
+    singly = [body.off(robot.data, point[None]).item() for point in points[::100]]
+    np.testing.assert_array_equal(singly, off[::100])
     bare = OwnBody(robot, {}, margin).off(robot.data, points)
     soles = np.min(gaps[-2:], axis=0)
     np.testing.assert_array_equal(bare[np.abs(soles) > 1e-9], (soles > 0.0)[np.abs(soles) > 1e-9])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -11,6 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from properties import by_default
 
 from wbc.base.errors import InputError
 from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
@@ -53,7 +53,7 @@ def known(robot=None):
 
 
 @given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.5, 0.5))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_a_plane_is_mapped_within_noise(a, b, level):
     world = mapped(lambda x, y: level + a * x + b * y)
     points, std = world.known()
@@ -65,17 +65,8 @@ def test_a_plane_is_mapped_within_noise(a, b, level):
     assert (std < NOISE).mean() > 0.95
 
 
-@given(st.floats(0.02, 0.15), st.floats(-0.2, 0.2))
-@settings(max_examples=20, deadline=None)
-def test_a_step_is_where_it_is_and_as_high(rise, edge):
-    points, _ = mapped(lambda x, y: np.where(x > edge, rise, 0.0)).known()
-    beside = np.abs(points[:, 0] - edge) > 0.02
-    error = points[beside, 2] - np.where(points[beside, 0] > edge, rise, 0.0)
-    assert np.abs(error).max() < 6.0 * NOISE
-
-
 @given(st.floats(0.03, 0.08), st.floats(-0.1, 0.1), st.floats(-math.pi, math.pi))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_a_sole_meets_a_stone_at_its_top(rise, at, yaw):
     def height(x, y):
         return np.where(np.hypot(x - at, y) < 0.05, rise, 0.0)
@@ -89,7 +80,7 @@ def test_a_sole_meets_a_stone_at_its_top(rise, at, yaw):
 
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_a_moved_and_turned_world_has_the_same_map(dx, dy, yaw):
     def height(x, y):
         return 0.05 * np.sin(12.0 * x) + np.where(y > 0.1, 0.04, 0.0)
@@ -105,16 +96,6 @@ def test_a_moved_and_turned_world_has_the_same_map(dx, dy, yaw):
         # A point on the very border of a cell may fall to either side of it in the turned world.
         assert two.z == pytest.approx(one.z, abs=1e-3)
         assert turn.actInv(np.array([two.x, two.y, 0.0]))[:2] == pytest.approx((one.x, one.y), abs=1e-6)
-
-
-def test_the_map_follows_an_estimate_that_climbs():
-    world = HeightMap()
-    for k in range(20):
-        points, std = frame(lambda x, y: 0.03 * np.sin(10.0 * x) + 0.004 * k, k)  # noqa: B023
-        world.add(points, std, 0.08 * k)
-    points, _ = world.known()
-    error = points[:, 2] - (0.03 * np.sin(10.0 * points[:, 0]) + 0.004 * 19)
-    assert np.abs(np.median(error)) < 0.002
 
 
 def test_what_disappears_is_forgotten_and_what_appears_is_there_at_once():
@@ -133,38 +114,6 @@ def test_what_disappears_is_forgotten_and_what_appears_is_there_at_once():
     assert heights[-1] == pytest.approx([0.0] * 3, abs=0.01)
     world.add(*frame(stone, 99, n=40_000), 4.0)
     assert world.at(places)[0] == pytest.approx([0.06] * 3, abs=0.01)
-
-
-@pytest.mark.parametrize("late", [0.05, 0.2, 0.45])
-def test_a_late_frame_is_worth_less_and_contradicts_nothing_newer(late):
-    """Two cameras of different latency: what both see is known as well as the time between them allows."""
-    flat = lambda x, y: 0.0 * x  # noqa: E731 - a ground
-    both, alone = HeightMap(), HeightMap()
-    for k in range(12):
-        points, std = frame(flat, k)
-        for world in (both, alone):
-            world.add(points, std, 1.0 + k / 30.0)
-    now = 1.0 + 11.0 / 30.0
-    points, std = frame(flat, 99)
-    points[:, 2] += (
-        0.01  # the estimate has sunk meanwhile: the frame is shifted to the map, not the map to it
-    )
-    assert both.add(points, std, now - late) is None
-    (one, before), (other, after) = both.known(), alone.known()
-    assert np.isfinite(before).all() and (before > 0.0).all()
-    assert np.abs(one[:, 2]).max() < 6.0 * NOISE and abs(np.median(one[:, 2])) < 0.5e-3
-    assert len(one) == len(other) and before.max() <= after.max() + 1e-12
-    # A box that has come since is in the map, and a frame from before does not take it away, nor one that has gone.
-    box = lambda x, y: np.where(np.hypot(x, y) < 0.1, 0.05, 0.0)  # noqa: E731
-    both.add(*frame(box, 7), now + 0.03)
-    both.add(*frame(flat, 8), now - late)
-    there, _ = both.at(np.array([0.0 + 0.0j]))
-    assert there[0] == pytest.approx(0.05, abs=3.0 * NOISE)
-    for k in range(8):
-        both.add(*frame(flat, 20 + k), now + 0.1 + 0.03 * k)
-    both.add(*frame(box, 9), now + 0.3 - late)
-    there, _ = both.at(np.array([0.0 + 0.0j]))
-    assert there[0] == pytest.approx(0.0, abs=3.0 * NOISE)
 
 
 def test_the_grid_rolls_with_the_robot():
@@ -234,46 +183,8 @@ def test_a_quiet_place_is_chosen_and_only_where_it_is_allowed():
     assert foot.highest(ridge, np.array([0.3 + 0j]), 0.0) < foot.highest(ridge, np.array([0j]), 0.0)
 
 
-def test_no_sole_stands_half_over_a_high_edge():
-    def stairs(places):
-        return 0.1 * np.floor(places.real / 0.3), np.zeros(places.size)
-
-    foot = Footprint(0.21, 0.12)
-    for x in np.linspace(0.0, 0.29, 13).tolist():
-        place = foot.best(stairs, x, 0.0, 0.0, lambda x, y: True)
-        assert place is not None and abs(place.x - x) < 0.106  # five nodes
-        under, _ = stairs(place.x + np.linspace(-0.105, 0.105, 21) + 0j)
-        assert place.z == pytest.approx(under.max()) and (under > place.z - 0.01).mean() >= 0.75
-
-
-@pytest.mark.parametrize(
-    ("period", "late", "oldest"),
-    [(5e-3, 0.1, 0.5), (1e-3, 0.46, 0.5), (2.5e-4, 0.4, 0.5), (2e-3, 1.9, 2.0), (2e-3, 3.0013, 8.0)],
-)
-def test_clouds_are_placed_by_the_pose_at_their_time(period, late, oldest):
-    """A robot walks at 1 m/s; the points lie still in the world, whenever they are told."""
-    robot = load("hrp4_class").robot()
-    robot.update(robot.half_sitting, np.zeros(robot.nv))
-    ground = KnownGround(robot, GroundSettings(max_age=oldest))
-    points, std = frame(lambda x, y: 0.0 * x, 0)
-    placement, q = robot.placement(robot.base_frame).copy(), robot.q.copy()
-    for k in range(round((late + 0.05) / period) + 1):
-        q[0] = k * period
-        robot.update(q, np.zeros(robot.nv))
-        ground.update(robot, k * period)
-    seen_at = k * period - late
-    seen_from = placement.translation + (seen_at, 0.0, 0.0)
-    ground.add(PointCloud((points - seen_from) @ placement.rotation, seen_at, robot.base_frame, std))
-    ground.update(robot, k * period + FUSED)
-    assert ground.status == ""
-    seen, _ = ground.map.known()
-    assert np.abs(seen[:, 2]).max() < 6.0 * NOISE
-    # The centres of the outermost cells, which are 20 mm wide, lie within half of that from the outermost points.
-    assert (seen[:, 0].min(), seen[:, 0].max()) == pytest.approx((-0.6, 0.6), abs=0.012)
-
-
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 def test_a_frame_from_all_round_is_mapped_right_whatever_the_heading(yaw, ahead):
     """A robot begins at a heading; a lidar sees a plateau of 0.3 m beyond 0.9 m, and points as far as 4 m."""
     robot = load("g1").robot()
@@ -324,26 +235,6 @@ def test_what_cannot_be_right_is_not_used_and_is_named(seen, word):
     assert ground.support(1, 0.1, 0.0, 0.0) is None
     assert ground.best(1, 0.1, 0.0, 0.0, lambda x, y: True) is None
     assert ground.highest(1, np.zeros(2), np.ones(2), 0.0) == -math.inf
-
-
-def test_a_map_of_ones_own_is_used_or_not_from_when_it_is_given():
-    robot, ground = known()
-    good = ElevationMap(np.zeros((60, 60)), 0.02, (-0.6, -0.6, 0.0), max_age=1.0)
-    for fresh in (ground, KnownGround(robot)):
-        for seen, height in ((replace(good, frame="odom"), np.nan), (good, 0.0)):
-            fresh.add(seen)
-            np.testing.assert_equal(fresh.at(np.array([0j]))[0], [height])
-            assert ("odom" in fresh.status) == (seen is not good)
-
-
-def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
-    robot, ground = known()
-    ground.add(ElevationMap(np.full((300, 60), 0.02), 0.02, (-0.6, -0.6, 0.0)))
-    ground.update(robot, 0.005)
-    ground.stand(0, robot.placement(robot.soles[0].frame))
-    support = ground.support(1, 3.0, 0.0, 0.0)
-    assert support is not None and support.z == pytest.approx(0.02 - 0.7 * 0.02, abs=1e-9)
-    assert ground.support(1, 9.0, 0.0, 0.0) is None
 
 
 @pytest.mark.parametrize(
@@ -428,7 +319,7 @@ def test_of_a_large_cloud_no_more_than_a_part_is_ever_looked_at():
     ground.add(cloud)
     ground.update(robot, FUSED)
     assert ground.status == "" and len(ground.map.known()[0]) == 1
-    points = np.zeros((640 * 480, 3))
+    points = np.zeros((8 * SEEN, 3))
     points[::2, 0], points[:, 1] = np.nan, np.arange(len(points))
     first, second = (PointCloud(points, time, "world").points for time in (0.1, 0.2))
     assert np.isfinite(first).all() and 0.4 * SEEN < len(first) < 0.6 * SEEN
@@ -438,16 +329,6 @@ def test_of_a_large_cloud_no_more_than_a_part_is_ever_looked_at():
             PointCloud(wrong, 0.0, "world")
     with pytest.raises(InputError, match="std"):
         PointCloud(points, 0.0, "world", np.zeros(len(points)))
-
-
-def test_heights_stay_when_the_clock_begins_anew():
-    robot, ground = known()
-    points, std = frame(lambda x, y: 0.0 * x, 0)
-    for time in (100.0, 100.1, 3.0, 3.1):
-        ground.add(PointCloud(points, time, "world", std))
-        ground.update(robot, time)
-        cells, spread = ground.map.known()
-        assert len(cells) > 1500 and np.isfinite(spread).all()
 
 
 @pytest.mark.parametrize(("edge", "height"), [(0.5, 0.0), (0.24, 0.15)])
@@ -466,7 +347,7 @@ def test_a_sole_that_stands_beside_an_edge_or_on_it_contradicts_nothing(edge, he
     assert ground.support(0, *placement.translation[:2], 0.0) is not None
 
 
-@pytest.mark.parametrize("size", [MOST, MOST + 1, 20_000, 640 * 480])
+@pytest.mark.parametrize("size", by_default([MOST, MOST + 1, 20_000, 640 * 480], MOST + 1, 20_000))
 def test_of_a_large_cloud_a_tick_looks_at_a_part_that_is_spread_over_all_of_it(size, monkeypatch):
     """In the order of the rows of an image as well, whatever their number; the map is the ground all the same."""
     columns = 640 if size % 640 == 0 else size

@@ -8,10 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
 from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
-from wbc.ground.body import OwnBody
-from wbc.ground.footprint import ACROSS, HIGH, LOADS, NOTHING, SLOPES, Footprint, FootprintSettings
+from wbc.ground.footprint import ACROSS, HIGH, Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import FUSED, GroundSettings
 from wbc.robots import load
@@ -224,42 +222,6 @@ def test_a_map_of_ones_own_follows_the_frames_that_move_what_is_known() -> None:
         assert ground.at(points[:3, 0] + 0.01j)[0] == pytest.approx([height] * 3)
 
 
-# --- the body ----------------------------------------------------------------------------------------------------
-
-
-def test_single_points_beside_shapes_are_told_as_all_of_them_together() -> None:
-    """At every side of a sphere, of a capsule and of the box over a sole, a millimetre inside and outside."""
-    robot, margin = DESCRIPTION.robot(), 0.03
-    pin.framesForwardKinematics(robot.model, robot.data, robot.half_sitting)
-    link = robot.base_frame
-    place = robot.data.oMf[robot.frame_id(link)]
-    sphere, capsule = (
-        CollisionSphere(0.1, (0.0, 0.0, 0.6)),
-        CollisionCapsule(0.05, (0.5, 0.0, 0.0), (0.5, 0.3, 0.2)),
-    )
-    body = OwnBody(robot, {link: [sphere, capsule]}, margin)
-    rng = np.random.default_rng(3)
-    ways = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(20, 3))])
-    for way in ways / np.linalg.norm(ways, axis=1)[:, None]:
-        axis = np.array([0.0, 0.3, 0.2]) / np.hypot(0.3, 0.2)
-        across = way - (way @ axis) * axis
-        sides = [(np.array([0.0, 0.0, 0.6]), way, 0.1)]
-        if np.linalg.norm(across) > 0.1:
-            sides.append((np.array([0.5, 0.15, 0.1]), across / np.linalg.norm(across), 0.05))
-        for middle, out, radius in sides:
-            for beyond, off in ((-1e-3, False), (1e-3, True)):
-                point = place.act(middle + (radius + margin + beyond) * out)
-                assert body.off(robot.data, point[None]).tolist() == [off]
-    for sole in robot.soles:
-        there = robot.data.oMf[robot.frame_id(sole.frame)]
-        half = np.array([0.5 * sole.length, 0.5 * sole.width, 0.0]) + [margin, margin, 0.0]
-        for axis_, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
-            for beyond, off in ((-1e-3, False), (1e-3, True)):
-                at = np.zeros(3)
-                at[axis_] = sign * (half[axis_] + beyond)
-                assert OwnBody(robot, {}, margin).off(robot.data, there.act(at)[None]).tolist() == [off]
-
-
 # --- soles -------------------------------------------------------------------------------------------------------
 
 
@@ -350,15 +312,6 @@ def test_no_sole_rests_over_a_high_edge_with_more_than_a_fifth_of_it() -> None:
             assert found is not None
             back = 0.02 * max(0, rows - 2) if depth > HIGH else 0.0
             assert found.x == pytest.approx(-back) and found.z == pytest.approx(0.0)
-
-
-def test_slopes_and_loads_of_a_sole_are_the_same_to_both_sides() -> None:
-    """They increase, with level ground in the middle; loads are at the centre and about it."""
-    np.testing.assert_array_equal(SLOPES, -SLOPES[::-1])
-    assert (np.diff(SLOPES) > 0.0).all() and SLOPES[5] == 0.0 and len(SLOPES) == 11
-    assert {tuple(load) for load in LOADS.T} == {tuple(-load) for load in LOADS.T}
-    assert (LOADS[:, 0] == 0.0).all() and len({tuple(load) for load in LOADS.T}) == 5
-    assert NOTHING < -100.0  # deeper than any ground, so that it carries nothing
 
 
 @pytest.mark.parametrize(("std", "counts"), [(1.39 * 0.015, True), (1.41 * 0.015, False), (0.002, True)])

@@ -79,7 +79,7 @@ def test_sign_flips_do_not_depend_on_the_unit(power: int) -> None:
 
 def test_sign_flips_keep_their_level() -> None:
     """Under no difference one test in twenty says there is one."""
-    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 10))
+    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 8))
     found = [sign_flip_p(row.tolist()) for row in draws]
     assert 0.01 <= np.mean([p is not None and p < 0.05 for p in found]) <= 0.10
     exact = [1.0, 1.0, 1.0, 1.0, 1.0]
@@ -129,12 +129,12 @@ def test_an_interval_without_chance_is_a_point_and_one_layout_has_none() -> None
 def test_the_bootstrap_interval_of_a_mean_covers_it_as_often_as_it_says() -> None:
     rng = np.random.default_rng(7)
     covered = 0
-    for _ in range(60):
+    for _ in range(30):
         found = mean_interval(rng.normal(0.0, 1.0, 25).tolist())
         assert found.low is not None and found.high is not None and found.mean is not None
         assert found.low < found.mean < found.high
         covered += found.low <= 0.0 <= found.high
-    assert 52 <= covered <= 60
+    assert 26 <= covered <= 30
 
 
 def test_texts_of_estimates_say_the_figures() -> None:

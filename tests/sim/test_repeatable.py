@@ -39,8 +39,7 @@ DRIVE = ((0.0, 0.2, 0.0, 0.0), (1.5, 0.1, 0.05, 0.3), (3.0, 0.0, 0.0, 0.0))
 PUSH = WalkPush(time=2.0, impulse=0.1, direction=1.2)
 
 BEGINNINGS = {"stand hrp4_class": 20, "walk hrp4_class stones": 60, "walk g1 free": 60}
-"""Runs of which the default tests make the beginning, and how many commands of it."""
-
+"""Runs of which the beginning is made in another process, too, and how many commands of it."""
 
 SUPPORT = str(Path(__file__).parents[1] / "support")
 
@@ -150,6 +149,7 @@ def beginning(name: str) -> str:
     return digest(commands)
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_commands_bit_for_bit() -> None:
     found = [beginning(name) for name in BEGINNINGS]
     assert len(set(found)) == len(found)

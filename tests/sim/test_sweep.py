@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from processes import alive
+from properties import by_default
 from scipy import stats
 from sweep_trials import MadeUpTrial
 
@@ -28,7 +29,7 @@ from wbc.sim.studies.outcomes import run_trial
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_frame, study_table
-from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 
@@ -172,38 +173,6 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     assert own.version == provenance() and marks_of(marks) == {1: 1}
 
 
-def test_a_sweep_says_how_many_trials_it_runs_in_an_hour() -> None:
-    assert SweepSummary(9, run=3, seconds=1800.0).per_hour == 6.0
-    assert SweepSummary(9, run=0, seconds=1800.0).per_hour is None and SweepSummary(9, run=3).per_hour is None
-
-
-class Broken(Executor):
-    """An executor whose workers lack this package, as those of a cluster may, from some trial on."""
-
-    def __init__(self, good: int) -> None:
-        self.left = good
-
-    def submit(self, function: Any, /, *values: Any, **named: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        self.left -= 1
-        if self.left >= 0:
-            future.set_result(function(*values, **named))
-        else:
-            future.set_exception(ModuleNotFoundError("No module named 'wbc'"))
-        return future
-
-
-def test_an_error_of_the_executor_is_no_result(tmp_path: Path) -> None:
-    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
-    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
-    with Journal(path) as journal, pytest.raises(SweepError, match="No module named 'wbc'"):
-        sweep(trials, journal, executor=Broken(1))
-    with Journal(path) as journal, ThreadPoolExecutor(1) as good:
-        summary = sweep(trials, journal, executor=good)
-    assert (summary.found, summary.run, summary.counts) == (1, 2, {"done": 3})
-    assert marks_of(marks) == dict.fromkeys(range(3), 1)
-
-
 @pytest.mark.slow
 def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
@@ -270,6 +239,12 @@ def test_an_executor_of_a_cluster_will_do(tmp_path: Path) -> None:
 
 
 # Studies and tables
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few resamples: all signs of eight pairs, and intervals that no test here looks at."""
+    monkeypatch.setattr("wbc.sim.studies.intervals.RESAMPLES", 300)
 
 
 def small_study(**values: Any) -> Study:
@@ -394,7 +369,7 @@ def test_figures_of_a_table_are_those_of_its_walks() -> None:
     assert f"| 100 [{low:.3g}, {high:.3g}] |" in text and "| 45 |" in text  # per 1,000 steps, mm
 
 
-@pytest.mark.parametrize("count", [7, 8])
+@pytest.mark.parametrize("count", by_default([7, 8], 8))
 def test_of_eight_families_the_families_are_drawn(count: int) -> None:
     families = ("boards", "ellipsoids", "flat", "floor_tiles", "random", "slats", "sticks", "stones")[:count]
     study = small_study(cells=tuple(Cell(name, {"terrain": name}) for name in families), seeds=(1, 2))
@@ -508,6 +483,7 @@ def study_of(kind: str) -> Study:
     )
 
 
+@pytest.mark.slow
 def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import types
 from concurrent.futures import CancelledError, Executor, Future
 from pathlib import Path
 from typing import Any
@@ -189,19 +188,6 @@ def test_an_executor_holds_a_thousand_trials_and_each_has_its_time_out(
         assert direct.sent[-1][1] == 600.0  # by default
 
 
-def test_again_are_run_trials_that_crashed_or_timed_out_alone(direct: Direct, tmp_path: Path) -> None:
-    direct.gives = {i: Outcome(s) for i, s in enumerate(("done", "diverged", "crashed", "timeout"))}
-    trials = [MadeUpTrial(i) for i in range(4)]
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        first = sweep(trials, journal, executor=direct)
-        assert first.counts == {"done": 1, "diverged": 1, "crashed": 1, "timeout": 1}
-        assert sweep(trials, journal, executor=direct).found == 4
-        direct.gives = {}
-        again = sweep(trials, journal, executor=direct, retry=True)
-        assert (again.found, again.run, again.counts) == (2, 2, {"done": 3, "diverged": 1})
-        assert [sent[0] for sent in direct.sent[4:]] == [2, 3]
-
-
 def test_trials_that_an_executor_has_lost_are_counted(direct: Direct, tmp_path: Path) -> None:
     """Those that have ended meanwhile are written down; nothing new is begun."""
     direct.gives = {1: CancelledError(), 2: CancelledError()}
@@ -242,29 +228,3 @@ def test_variables_of_the_environment_are_set_for_a_block_alone(monkeypatch: pyt
         raise ZeroDivisionError
     assert os.environ["OMP_NUM_THREADS"] == "7" and "WBC_MADE_UP" not in os.environ
     assert set(module.ONE_THREAD.values()) == {"1"}
-
-
-def test_a_local_process_ends_with_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It looks every second, and has another parent once its own is gone, from the first look on."""
-    for parents, looks in (((7, 7, 1), 2), ((1,), 0)):
-        seen, slept, ended = iter(parents), [], []
-        system = types.SimpleNamespace(getppid=lambda seen=seen: next(seen), _exit=ended.append)
-        monkeypatch.setattr(module, "os", system)
-        monkeypatch.setattr(module, "time", types.SimpleNamespace(sleep=slept.append))
-        monkeypatch.setattr(
-            module,
-            "threading",
-            types.SimpleNamespace(
-                Thread=lambda target, daemon, name: types.SimpleNamespace(start=target if daemon else None)
-            ),
-        )
-        monkeypatch.setattr(module, "logging", types.SimpleNamespace(getLogger=Silent, ERROR=40))
-        module._start_worker(7)
-        assert slept == [1.0] * looks and ended == [1]
-
-
-class Silent:
-    """A logger that takes its level."""
-
-    def setLevel(self, level: int) -> None:  # noqa: N802 - that of Python
-        assert level == 40

@@ -251,44 +251,6 @@ def test_a_planned_walk_takes_the_time_of_its_phases() -> None:
     assert driven.nominal_time == pytest.approx(3.0 + 2.0 * 0.9 + 0.8) and driven.arrival() is None
 
 
-def test_a_driven_walk_steps_as_its_gait_says() -> None:
-    rows = ((0.0, 0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    spec = WalkSpec(plan=WalkPlan(drive=rows), gait=Gait(swing_height=0.1), mode="position")
-    assert WalkTrial(spec, visuals=False).control.source.lift_room == 0.1
-
-
-def test_a_walk_with_free_steps_has_time_to_set_off_go_turn_and_stop() -> None:
-    times = {}
-    for name, plan in {
-        "one": WalkPlan(distance=1.0),
-        "three": WalkPlan(distance=3.0),
-        "back": WalkPlan(distance=-1.0),
-        "turn": WalkPlan(turn=1.0),
-        "twice": WalkPlan(turn=2.0),
-    }.items():
-        prepared = WalkSpec(plan=plan, mode="torque").prepare()
-        times[name] = prepared.nominal_time
-        assert prepared.orders is None and not prepared.plan.steps and prepared.arrival() is not None
-    pace, turning = times["three"] - times["one"], times["twice"] - times["turn"]
-    assert pace > 0.0 and turning > 0.0
-    assert times["one"] == pytest.approx(times["back"])
-    pause = times["one"] - 0.5 * pace
-    assert pause == pytest.approx(times["turn"] - turning, abs=0.02)
-    orders = WalkSpec(plan=WalkPlan(velocity=(0.2, 0.0, 0.0), steps=6), mode="torque").prepare().orders
-    twelve = WalkSpec(plan=WalkPlan(velocity=(0.2, 0.0, 0.0), steps=12), mode="torque").prepare()
-    assert orders is not None and twelve.orders is not None
-    assert orders[0] == (0.0, 0.2, 0.0, 0.0) and orders[1][1:] == (0.0, 0.0, 0.0)
-    step = (twelve.orders[1][0] - orders[1][0]) / 6.0
-    assert 0.2 < step < 1.0 and twelve.nominal_time == pytest.approx(twelve.orders[1][0] + pause)
-    for distance in (0.3, 0.6):  # landings that are given: a slow step for each
-        steps = WalkSpec(plan=WalkPlan(distance=distance), mode="position").prepare().plan.steps
-        given = WalkSpec(plan=WalkPlan(footsteps=steps), mode="torque").prepare()
-        assert given.nominal_time == pytest.approx(len(steps) * step + pause)
-    rows = ((0.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))
-    driven = WalkSpec(plan=WalkPlan(drive=rows), mode="torque").prepare()
-    assert driven.orders == rows and driven.nominal_time == pytest.approx(4.0 + pause)
-
-
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 @examples(20)
 def test_a_configuration_is_moved_over_the_ground_and_turned_about_the_vertical(

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from wbc.base.errors import InputError
-from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
 from wbc.sim.simulation.machine import Machine
@@ -35,6 +35,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
 DROP = WalkTrialSettings().falls.drop
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3, gait=QUICK)
+LATE = 0.95 * SPEC.prepare().time_limit
 
 
 class Notes(TrialHook):
@@ -54,6 +55,14 @@ class Notes(TrialHook):
         self.calls.append("end")
 
 
+class Stop(TrialHook):
+    """Ends a walk after half a second."""
+
+    def before(self, trial: WalkTrial) -> None:
+        if trial.plant.time > 0.5:
+            trial.stop()
+
+
 class Work(TrialHook):
     """Adds up the work of the joints: of each, and of all together."""
 
@@ -67,48 +76,59 @@ class Work(TrialHook):
 
 
 @pytest.fixture(scope="module")
-def plain() -> WalkResult:
-    return walk(SPEC)
-
-
-@pytest.fixture(scope="module")
 def hooked() -> tuple[WalkResult, Notes, Work]:
-    """The same walk with hooks, by a spec that was written and read."""
+    """A walk with hooks, and with a weak push and one that comes too late."""
     notes, work = Notes(), Work()
-    spec = WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json())))
-    return walk(spec, hooks=[notes, work]), notes, work
+    pushes = tuple(WalkPush(impulse=0.01, time=time) for time in (0.5, LATE))
+    return walk(SPEC, pushes=pushes, hooks=[notes, work]), notes, work
 
 
-def test_equal_specs_give_equal_records_with_any_hooks(
-    plain: WalkResult, hooked: tuple[WalkResult, Notes, Work]
+def test_equal_specs_give_equal_records_with_any_hooks() -> None:
+    """To half a second; one spec was written and read."""
+    records = []
+    for spec, hooks in (
+        (SPEC, []),
+        (WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))), [Notes(), Work()]),
+    ):
+        trial = WalkTrial(spec, visuals=False)
+        trial.scenario.append(Stop())
+        records.append(trial.run(hooks).record())
+    assert records[0] == records[1] and records[0]["outcome"] == "stopped"
+
+
+def test_hooks_are_called_from_the_start_in_every_tick_to_the_end(
+    hooked: tuple[WalkResult, Notes, Work],
 ) -> None:
     result, notes, _ = hooked
-    assert result.record() == plain.record()
     assert notes.calls == ["start", *["tick"] * round(result.seconds / SPEC.period), "end"]
 
 
-def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    specs: list[WalkSpec] = []
-    with monkeypatch.context() as patch:
-        patch.setattr(WalkTrial, "run", lambda trial, hooks: specs.append(trial.spec))
-        walk(WalkSpec(robot="talos", gait=QUICK), robot="hrp4_class", distance=0.1, seed=3)
+@pytest.fixture
+def specs(monkeypatch: pytest.MonkeyPatch) -> list[WalkSpec]:
+    """The specs of walks that are told, and not walked."""
+    told: list[WalkSpec] = []
+    made = lambda spec, **_: SimpleNamespace(run=lambda hooks: told.append(spec))  # noqa: E731
+    monkeypatch.setattr("wbc.sim.walks.trial.WalkTrial", made)
+    return told
+
+
+def test_a_walk_takes_fields_of_spec_and_plan_by_name(specs: list[WalkSpec]) -> None:
+    walk(WalkSpec(robot="talos", gait=QUICK), robot="hrp4_class", distance=0.1, seed=3)
     assert specs == [SPEC]
     for values, named in (({"distanc": 1.0}, "distance"), ({"plan": TWO_STEPS, "turn": 1.0}, "turn")):
         with pytest.raises(InputError, match=named):
             walk(**values)  # type: ignore[arg-type]
 
 
-def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_of_a_plan_change_nothing_else_of_it(specs: list[WalkSpec]) -> None:
     """A plan of another kind takes the place of the old one."""
-    plans: list[WalkPlan] = []
-    monkeypatch.setattr(WalkTrial, "run", lambda trial, hooks: plans.append(trial.spec.plan))
     side = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4), noise="none")
     walk(side, velocity=(0.15, 0.0, 0.0))
     walk(side, steps=5)
     walk(side, distance=0.2)
     walk(side, turn=0.2)
     walk(side, seed=8)
-    assert plans == [
+    assert [spec.plan for spec in specs] == [
         WalkPlan(velocity=(0.15, 0.0, 0.0), steps=4),
         WalkPlan(velocity=(0.1, 0.0, 0.0), steps=5),
         WalkPlan(distance=0.2),
@@ -118,17 +138,11 @@ def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_what_belongs_to_a_value_goes_with_it_in_a_program_as_on_the_command_line(
-    monkeypatch: pytest.MonkeyPatch,
+    specs: list[WalkSpec],
 ) -> None:
     def spec_of(**values: Any) -> WalkSpec:
-        made: list[WalkSpec] = []
-
-        def stop(trial: WalkTrial, hooks: object) -> None:
-            made.append(trial.spec)
-
-        monkeypatch.setattr(WalkTrial, "run", stop)
         walk(soft, **values)
-        return made[0]
+        return specs[-1]
 
     soft = WalkSpec(
         foot="soft",
@@ -165,15 +179,12 @@ def test_parameters_of_a_walk_take_the_numbers_of_numpy() -> None:
         assert spec == plain and WalkSpec.from_json(json.loads(json.dumps(spec.to_json()))) == plain
 
 
-def test_a_push_after_the_end_is_refused_or_told() -> None:
-    spec = WalkSpec(plan=TWO_STEPS, noise="none", gait=QUICK)
-    limit = spec.prepare().time_limit
+def test_a_push_after_the_end_is_refused_or_told(hooked: tuple[WalkResult, Notes, Work]) -> None:
     with pytest.raises(InputError, match="after the walk"):
-        replace(spec, pushes=(WalkPush(impulse=0.1, time=limit),))
-    late = 0.95 * limit
-    result = walk(replace(spec, pushes=tuple(WalkPush(impulse=0.01, time=time) for time in (0.5, late))))
-    assert result.outcome == "completed" and result.seconds < late
-    assert len(result.notes) == 1 and f"{late:g} s" in result.notes[0]
+        replace(SPEC, pushes=(WalkPush(impulse=0.1, time=SPEC.prepare().time_limit),))
+    result, _, _ = hooked
+    assert result.outcome == "completed" and result.seconds < LATE
+    assert len(result.notes) == 1 and f"{LATE:g} s" in result.notes[0]
 
 
 def test_cost_of_transport_is_the_work_of_every_joint_over_weight_and_way(
@@ -197,7 +208,8 @@ def test_the_drop_of_a_fall_is_in_proportion_to_the_robots_size() -> None:
             assert trial.true_fall() is fallen, (robot, share)
 
 
-def test_walks_the_plan(plain: WalkResult) -> None:
+def test_walks_the_plan(hooked: tuple[WalkResult, Notes, Work]) -> None:
+    plain = hooked[0]
     assert plain.outcome == "completed" and not plain.fell and plain.fall is None
     assert plain.steps_done == plain.steps_planned == 2 and -1.0 < plain.J < 0.0
     assert plain.distance == pytest.approx(0.1, abs=0.02)
@@ -405,13 +417,6 @@ def test_the_limit_of_threads_is_taken_away_by_the_last_of_overlapping_trials() 
     assert seen == [{1}, before]
 
 
-@pytest.mark.parametrize("mode", ["position", "hybrid", "torque"])
-def test_a_walk_is_prepared_in_every_mode(mode: Mode) -> None:
-    spec = WalkSpec(mode=mode, plan=WalkPlan(distance=0.5))
-    prepared = spec.prepare()
-    assert prepared.nominal_time > 0.0 and spec.free == (not prepared.plan.steps)
-
-
 def test_changes_reach_the_controller() -> None:
     changes = {"dcm_p": 3, "walk.adjustment": None, "observer.min_load": 25, "physics.impratio": 5}
     trial = WalkTrial(
@@ -447,13 +452,9 @@ def test_stairs_of_the_ground_are_climbed() -> None:
 @pytest.mark.parametrize(
     ("velocity", "planned"),
     [
-        ((0.3, 0.0, 0.0), True),
         ((0.21, 0.14, 0.0), True),
-        ((-0.2, 0.1, 0.0), True),
         ((0.31, 0.0, 0.0), False),
         ((0.25, 0.15, 0.0), False),  # each part is within its limit; together the robot falls
-        ((-0.3, -0.1, 0.0), False),
-        ((0.0, 0.0, 0.51), False),
     ],
 )
 def test_a_velocity_that_planned_steps_do_not_give_is_refused_with_the_way_to_free_ones(
