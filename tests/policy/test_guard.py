@@ -232,6 +232,9 @@ def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, optio
     walking = WalkingControl(policy.controller.robot, None, period, settings, observer=observer)
     with pytest.raises(InputError):
         PolicyGuard(policy, walking)
+    PolicyGuard(policy)
+    with pytest.raises(InputError, match="has a guard already"):
+        PolicyGuard(policy)
     with pytest.raises(InputError):
         bobbing(longest=0.0)
 
@@ -292,8 +295,8 @@ def test_a_robot_that_is_stopped_stays_so_whoever_takes_over() -> None:
 
 
 def test_a_walk_with_a_robot_of_its_own_takes_over_where_the_estimate_is() -> None:
-    plant, first, _ = guarded()
-    policy, settings = first.policy, WalkingControlSettings(mode="hybrid")
+    plant, policy = bobbing()
+    settings = WalkingControlSettings(mode="hybrid")
     own = policy.controller.robot.clone()
     guard = PolicyGuard(policy, WalkingControl(own, None, DT, settings, observer=policy.drives.observer))
     plant.push("torso", np.array([60.0, 0.0, 0.0]), 0.1)

@@ -125,7 +125,8 @@ def test_arms_that_a_policy_sends_through_the_trunk_stop_before_it() -> None:
         near = gauge.add(wbc.CollisionLimit(pairs, shapes=shapes))
         least = math.inf
         while plant.time < 0.8 and least >= 0.0:
-            plant.step(policy.command(plant.measure()))
+            for _ in ticks(0.02):
+                plant.step(policy.command(plant.measure()))
             state = plant.truth()
             gauge.update(np.array(state.q), np.array(state.v))
             gauge.solve()
@@ -268,6 +269,7 @@ def test_an_arm_that_nothing_stops_in_time_brakes_as_hard_as_it_can(upper: bool)
         (lambda: bobbing(arms=ARMS, filter=PolicyFilter(ARMS)), "filter"),
         (lambda: bobbing(filter=PolicyFilter(["left_knee_joint"])), "legs"),
         (lambda: bobbing(filter=PolicyFilter(ARMS))[1].controller.add(wbc.PostureTask()), "tasks"),
+        (lambda: bobbing()[1].controller.add(wbc.PostureTask()), "tasks"),
     ],
 )
 def test_arms_that_qp_or_filter_cannot_have_are_refused(call: Callable[[], object], named: str) -> None:

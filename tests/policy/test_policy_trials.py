@@ -61,6 +61,7 @@ def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path
     np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_guard_takes_over_in_trials_logs_and_pages(tmp_path: Path) -> None:
     """A policy that asks for all torques once it is to walk is relieved: the robot stands, then the library walks."""
     n = len(G1.joint_names)
@@ -198,7 +199,7 @@ def test_a_controller_of_lerobot_targets_motors_by_name_and_hides_the_arms(examp
     assert not seen[:, 15:].any() and seen[:, :15].any()
 
 
-@pytest.mark.parametrize("what", ["stand", "walk", "policy"])
+@pytest.mark.parametrize("what", by_default(["stand", "walk", "policy"], "policy"))
 def test_controls_for_the_simulator_of_unitree_run_without_force_sensors(
     example: Any, what: str, standing: Path
 ) -> None:

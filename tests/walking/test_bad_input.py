@@ -202,7 +202,6 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: Gait.for_speed((0.1, 0.0, 0.0), 0.5), "gait of Gait.for_speed"),  # type: ignore[arg-type]
     (lambda: Gait.at_speed(-0.1), r"speed of Gait.at_speed \(m/s\)"),
     (lambda: setattr(walking().stabilizer, "gains", {"dcm_p": 5.0}), "gains of Stabilizer"),
-    (lambda: walking().arms["left_hand"].reach([0.3, 0.2, 0.1], "pelvis", duration=1e300), "duration"),
 ]
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,15 +15,22 @@ from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
-from wbc.walking.ground import HIGHEST, GroundEstimate
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.leg import Leg
-from wbc.walking.plans.planners import MOST_STEPS, climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.planners import (
+    MOST_STEPS,
+    climb_stairs,
+    turn_in_place,
+    walk_distance,
+    walk_path,
+    walk_velocity,
+)
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import AT_REST, Standing
-from wbc.walking.plans.swing import HEEL_TIME, SwingFoot
+from wbc.walking.plans.swing import SwingFoot
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 
@@ -33,83 +38,11 @@ START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.08
 # ---- ground ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_landing_moves_the_expected_ground_by_its_shares() -> None:
-    ground = GroundEstimate(0.5, 0.25)
-    ground.land(0.04, 0.03)
-    assert (ground.height, ground.rise, ground.uneven) == pytest.approx((0.02, 0.01, 0.03))
-    ground.land(-0.01, -0.02)
-    assert (ground.height, ground.rise) == pytest.approx((0.015, 0.0075))
-    assert ground.uneven == pytest.approx(0.9 * 0.03), "nine tenths of the greatest are remembered"
-    ground.land(0.0, -0.05)
-    assert ground.uneven == pytest.approx(0.05)
-    step = Footstep("left", 0.1, 0.2, 0.3)
-    assert ground.expect(step).z == pytest.approx(0.3 + 0.015 + 0.0075), "it rises from step to step"
-    ground.forget()
-    assert ground.height == ground.rise == ground.uneven == 0.0
-
-
 def test_the_ground_is_level_up_to_one_height_and_uneven_from_another_one_on() -> None:
     ground = GroundEstimate(0.5, 0.25)
     for uneven, share in ((0.0, 1.0), (0.01, 1.0), (0.02, 0.75), (0.04, 0.25), (0.05, 0.0), (0.2, 0.0)):
         ground.uneven = uneven
         assert ground.level(0.01, 0.05) == pytest.approx(share)
-
-
-def test_steps_from_where_the_feet_stand_are_on_the_ground_that_is_expected_there() -> None:
-    """A landing 40 mm too high moves the ground by 20: the next steps lie 20 mm below it."""
-    ground, steps = (
-        GroundEstimate(0.5, 0.25),
-        (Footstep("left", 0.1, 0.1, 0.3), Footstep("right", 0.2, -0.1, 0.4)),
-    )
-    assert ground.settled(steps, swings=False) is steps, "nothing has been found yet"
-    ground.land(0.04)
-    assert [step.z for step in ground.settled(steps, swings=False)] == pytest.approx([0.28, 0.38])
-    assert ground.settled(steps, swings=True) is steps
-
-
-def test_a_landing_is_put_on_what_is_seen_within_the_reach_of_the_legs() -> None:
-    place: Any = SimpleNamespace(x=0.5, y=0.6, z=0.1, slope=(0.2, -0.1))
-    asked: list[Any] = []
-    sight: Any = SimpleNamespace(
-        version=3,
-        support=lambda *at: asked.append(at) or place,
-        best=lambda *at: asked.append(at) or place,
-        stand=lambda *at: asked.append(at),
-        highest=lambda *at: 0.2,
-    )
-    step = Footstep("right", 0.1, 0.2, 0.0, 0.3)
-    ground = GroundEstimate(0.5, 0.25, 0.15)
-    assert ground.choose(step) is step and not ground.news and ground.way(step.placement, step) == -math.inf
-    ground.sight = sight
-    assert ground.news
-    seen = ground.choose(step)
-    assert not ground.news and asked.pop() == (1, 0.1, 0.2, 0.3)
-    assert (seen.x, seen.y, seen.z) == (0.5, 0.6, 0.1) and seen.side == "right"
-    assert (seen.pitch, seen.roll) == pytest.approx((-math.atan(0.2), math.atan(-0.1)))
-    for height, taken in ((0.149, True), (0.151, False), (-0.149, True), (-0.151, False)):
-        place.z = height
-        assert (ground.choose(step).z == height) is taken
-    ground.lift(1, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])))
-    place.z = 0.44
-    assert ground.choose(step).z == 0.44, "over the foot that stands"
-    for over, seen_over in ((0.2, 0.2), (0.9, 0.3 + HIGHEST)):
-        sight.highest = lambda *at, over=over: over
-        assert ground.way(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), step) == pytest.approx(seen_over)
-        assert ground.way(step.placement, replace(step, z=0.3)) == pytest.approx(seen_over)
-
-
-def test_a_landing_that_is_seen_takes_the_place_of_what_was_expected() -> None:
-    ground = GroundEstimate(0.5, 0.25, 1.0)
-    ground.land(0.04)
-    place: Any = SimpleNamespace(x=0.1, y=0.2, z=0.1, slope=(0.0, 0.0))
-    ground.sight = SimpleNamespace(version=1, best=lambda *at: place, support=lambda *at: place)  # type: ignore[assignment]
-    step = Footstep("left", 0.1, 0.2, 0.02)
-    assert ground.expect(step, lambda x, y: True).z == 0.1
-    assert ground.height == pytest.approx(0.08) and ground.rise == 0.0
-    assert ground.raised == pytest.approx(0.1 - (0.02 + 0.02 + 0.01)), "over where it was expected"
-    place.z = 0.0
-    ground.expect(step, lambda x, y: True)
-    assert ground.raised == 0.0 and ground.height == pytest.approx(-0.02)
 
 
 # ---- load -----------------------------------------------------------------------------------------------------------
@@ -146,32 +79,6 @@ def test_a_load_that_comes_is_followed_quickly_and_one_that_stays_slowly() -> No
     assert held_load.mass - before == pytest.approx(
         (mass + small - before) * (1.0 - math.exp(-dt / REST_LAG))
     )
-
-
-@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.2, 0.3, 0.0), (-0.1, 0.4, 2.0), (0.3, -0.2, -1.2)])
-def test_a_load_lies_beside_the_hands_in_the_heading_of_a_tilted_robot(
-    rpy: tuple[float, float, float],
-) -> None:
-    """Its moment about the hands, over its weight, whatever roll and pitch of the base."""
-    robot = load("hrp4_class").robot()
-    q = np.array(robot.q)
-    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs()
-    robot.update(q, np.zeros(robot.nv))
-    held_load, outside = held(robot)
-    c, s = math.cos(rpy[2]), math.sin(rpy[2])
-    ahead, aside, mass = 0.06, -0.04, 4.0
-    away = np.array([c * ahead - s * aside, s * ahead + c * aside, 0.0])
-    for _ in range(400):
-        robot.update(q, np.zeros(robot.nv))
-        at = held_load.middle + away
-        force = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY])
-        moment = np.cross(at - robot.com, [0.0, 0.0, -mass * GRAVITY])
-        moment -= np.cross(held_load.place - robot.com, [0.0, 0.0, -held_load.applied * GRAVITY])
-        outside.wrench = np.concatenate([force, moment])
-        held_load.update(0.01)
-    np.testing.assert_allclose(held_load.place - held_load.middle, away, atol=2e-3)
-    hands = [robot.placement(frame).translation for frame in robot.frames.values()]
-    np.testing.assert_allclose(held_load.middle, np.mean(hands, axis=0))
 
 
 # ---- legs -----------------------------------------------------------------------------------------------------------
@@ -218,6 +125,8 @@ def test_a_plan_has_as_many_steps_as_it_may_and_no_more() -> None:
     assert len(walk_distance(START, step * MOST_STEPS)) == MOST_STEPS + 1
     with pytest.raises(InputError, match=f"takes {MOST_STEPS + 1} steps"):
         walk_distance(START, -step * (MOST_STEPS + 0.5))
+    with pytest.raises(InputError, match=f"takes {2 * MOST_STEPS} steps"):
+        walk_path(START, [(0.0, 0.0, 0.0)] * (2 * MOST_STEPS))
     with pytest.raises(InputError, match=f"takes {MOST_STEPS + 1} steps"):
         walk_velocity(START, (0.1, 0.0, 0.0), MOST_STEPS + 1)
     with pytest.raises(InputError, match=f"takes {MOST_STEPS + 2} steps"):
@@ -256,32 +165,6 @@ def test_a_robot_sets_off_with_the_foot_on_the_side_of_the_motion_else_of_the_tu
 
 
 # ---- swings ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("duration", [0.6, 0.8, 1.2])
-def test_the_heel_is_highest_after_a_third_of_a_swing_onto_a_stair(duration: float) -> None:
-    gait = StepGait()
-    start = Footstep("left", 0.0, 0.0875)
-    foot = SwingFoot(start.placement, replace(start, x=0.3, z=2.0 * gait.swing_height), duration, gait.swing)
-    times = np.linspace(0.0, duration, 1201)
-    pitch = [math.asin(-foot.at(float(t)).placement.rotation[2, 0]) for t in times]
-    assert times[int(np.argmax(pitch))] == pytest.approx(HEEL_TIME * duration, abs=2e-3)
-    assert max(pitch) == pytest.approx(gait.swing.heel, abs=1e-6)
-    half = SwingFoot(start.placement, replace(start, x=0.3, z=1.25 * gait.swing_height), duration, gait.swing)
-    pitch = [math.asin(-half.at(float(t)).placement.rotation[2, 0]) for t in times]
-    assert max(pitch) == pytest.approx(0.5 * gait.swing.heel, abs=1e-6), (
-        "from its own height on, to one and a half"
-    )
-
-
-@pytest.mark.parametrize("duration", [0.3, 0.8])
-def test_a_foot_has_its_apex_after_the_shortest_piece_at_least(duration: float) -> None:
-    shape = StepGait(takeoff_time=0.0, landing_time=0.0, apex=0.3).swing
-    start = Footstep("left", 0.0, 0.0875)
-    foot = SwingFoot(start.placement, start, duration, shape)
-    assert foot.apex_time == pytest.approx(max(0.3 * duration, 1.02 * shape.piece))
-    heights = [foot.motion(t)[0][2] for t in np.linspace(0.0, duration, 601)]
-    assert np.linspace(0.0, duration, 601)[int(np.argmax(heights))] == pytest.approx(foot.apex_time, abs=2e-3)
 
 
 def test_a_foot_rolls_into_its_landing_over_its_share_of_the_swing() -> None:

@@ -18,10 +18,9 @@ from wbc.robots import load
 from wbc.sim import Plant
 from wbc.walking import WalkingControl
 from wbc.walking.plans.check import check_plan
-from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.leg import Leg, SwingLeg, swing_effort
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import close_up

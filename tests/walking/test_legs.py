@@ -18,10 +18,9 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load
 from wbc.walking.plans.check import check_plan
-from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait, pace
-from wbc.walking.plans.leg import Leg
+from wbc.walking.plans.leg import Leg, SwingLeg, swing_effort
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import PlanSource, Standing

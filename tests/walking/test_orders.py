@@ -134,7 +134,8 @@ class Door(FootstepSource):
         return walk_velocity(now.start, (0.1, 0.0, 0.0), left, first=now.first) if left > 0 else now.start
 
 
-def test_a_planner_that_asks_for_a_stand_is_asked_again() -> None:
+@pytest.mark.parametrize("end", by_default([0.8, 6.4], 0.8))
+def test_a_planner_that_asks_for_a_stand_is_asked_again(end: float) -> None:
     plant = wbc.Plant(wbc.load_robot("g1"), control_period=DT, visuals=False)
     walking = WalkingControl(plant.description.robot(), None, DT, WalkingControlSettings(mode="torque"))
     door = Door()
@@ -144,11 +145,10 @@ def test_a_planner_that_asks_for_a_stand_is_asked_again() -> None:
     assert walking.finished and walking.source.planner is door and walking.steps_done == 0
     run(plant, walking, 0.3)
     assert not walking.finished
-    end = plant.time + 5.5
     while not walking.finished and plant.time < end:
         run(plant, walking, 0.1)
-    assert walking.finished and walking.source.planner is door and walking.source.reason == ""
-    assert 3 <= walking.steps_done <= 5, "feet may have to close up"
+    assert walking.source.planner is door and walking.source.reason == ""
+    assert end == 0.8 or (walking.finished and 3 <= walking.steps_done <= 5), "feet may have to close up"
 
 
 def test_a_hand_that_has_lost_its_contact_waits_for_an_order() -> None:
@@ -162,7 +162,7 @@ def test_a_hand_that_has_lost_its_contact_waits_for_an_order() -> None:
         silent = np.full((2, 6), np.nan)
         plant.step(walking.command(replace(plant.measure(), hand_wrenches=silent)))
     assert hands.lost == ("left_hand",)
-    run(plant, walking, 0.5)
+    run(plant, walking, 0.35)
     assert walking.stands and not (hands.active or hands.wanted)
     hands.press(*order)
     assert hands.lost == ("left_hand",), "it waits for a release: an order may come in every tick"
@@ -209,14 +209,15 @@ def test_an_order_in_the_middle_of_a_plan_takes_its_place_in_the_next_step(order
     walking = WalkingControl(robot, None, 0.004, WalkingControlSettings(mode="torque"))
     run(plant, walking, 0.1)
     walking.follow(walk_distance(FootstepPlan.standing(robot), 0.7))
-    run(plant, walking, 1.9)
-    assert walking.progress.phase is GaitPhase.SINGLE and not walking.finished and walking.velocity is None
+    while walking.progress.phase is not GaitPhase.SINGLE:
+        run(plant, walking, 0.05)
+    assert not walking.finished and walking.velocity is None
     if order == "velocity":
         walking.velocity = (0.5, 0.0, 0.0)
     else:
         walking.go_to(2.0, 0.0, 0.0)
     phases = set()
-    for _ in range(20):
+    for _ in range(14):
         run(plant, walking, 0.05)
         phases.add(walking.progress.phase)
         assert walking.velocity == ((0.5, 0.0, 0.0) if order == "velocity" else None) and not walking.done
@@ -250,7 +251,7 @@ def gains_of(walking: WalkingControl) -> dict[str, list[Any]]:
     return {task.name: [getattr(task, gain).copy() for gain in GAINS] for task in walking.controller.tasks}
 
 
-@pytest.mark.parametrize("mode", ["torque", "position"])
+@pytest.mark.parametrize("mode", by_default(["torque", "position"], "torque"))
 def test_gains_of_tasks_stay_as_they_are_set_whatever_the_robot_does(mode: Any) -> None:
     """The walk lets them act by ratios of its own: nothing is assigned at changes of phases, hands and gaze."""
     plant = wbc.Plant(wbc.load_robot("hrp4_class"), control_period=0.004, visuals=False)
@@ -384,7 +385,7 @@ def test_a_gait_begins_in_the_step_that_the_feet_are_in(mode: str) -> None:
     other = WalkingControl(robot, None, DT, WalkingControlSettings(mode=mode), observer=observer)  # type: ignore[arg-type]
     first.velocity = (0.25, 0.0, 0.0)
     air, landed = [0.0, 0.0], [9.0, 9.0]
-    while not (plant.time > 2.0 and air[0] > 0.15):
+    while not (plant.time > 1.0 and air[0] > 0.15):
         state = first.drives.estimate(plant.measure())
         for foot, load in enumerate(state.measurement.wrenches[:, 2]):
             air[foot], landed[foot] = (air[foot] + DT, 0.0) if load < 20.0 else (0.0, landed[foot] + DT)

@@ -27,7 +27,7 @@ from wbc.motion import MotionClip
 from wbc.policy.arms import MovedArms, PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
-from wbc.policy.filter import FilterController, PolicyFilter
+from wbc.policy.filter import PolicyFilter, TasklessController
 from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.period import PolicyPeriod
@@ -72,6 +72,7 @@ class PolicyControl(SteeredControl):
         controller: The controller; tasks and limits on the arms are added to it.
         network_error: Error of the last action; None if it was good.
         acted: True if the policy has acted in the last tick.
+        guarded: True once a `PolicyGuard` has the policy.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
 
@@ -141,10 +142,10 @@ class PolicyControl(SteeredControl):
             self.network = network = OnnxNetwork(policy)
             description = description or PolicyDescription.of(policy, network.metadata)
         self.description = description
-        self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
+        self.controller = Controller(robot, dt) if arms else TasklessController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.contacts, self.ground = FootContacts(robot, dt), ground
-        self._steering = Steering(description, regain)
+        self._steering, self.guarded = Steering(description, regain), False
         self._rest = np.zeros(robot.na)
         self._rest.setflags(write=False)
 

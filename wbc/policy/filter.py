@@ -95,14 +95,12 @@ class PolicyFilter:
         return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits), most)
 
 
-class FilterController(Controller):
-    """Holder of the limits of a filter: it takes limits at any time, and no tasks, because the cost is the policy's."""
+class TasklessController(Controller):
+    """Controller of a policy whose arms no QP moves: it holds the limits of a filter, and no tasks."""
 
     def _check_together(self, new: Sequence[Item]) -> None:
         if any(isinstance(item, Task) and not isinstance(item, ReleasedJoints) for item in new):
-            raise InputError(
-                "a filter of a policy keeps limits, and has no tasks; arms=… gives the arms to tasks"
-            )
+            raise InputError("a policy without arms=… of the QP has no tasks; its filter keeps limits")
         super()._check_together(new)
 
 

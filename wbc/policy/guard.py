@@ -61,7 +61,8 @@ class PolicyGuard(SteeredControl):
                 policy from now on.
 
         Raises:
-            InputError: A walk on another observer, with another period, or one that cannot begin on its way.
+            InputError: A walk on another observer, with another period, or one that cannot begin on its way; a policy
+                that has a guard.
         """
         robot, dt = policy.controller.robot, policy.controller.dt
         if walking is None:
@@ -70,7 +71,10 @@ class PolicyGuard(SteeredControl):
                 robot, None, dt, settings, observer=policy.drives.observer, ground=policy.ground
             )
         walking.check_begin()
+        if policy.guarded:
+            raise InputError("the policy has a guard already: make another policy for this one")
         walking.drives.share(policy.drives)
+        policy.guarded = True
         self.policy, self.walking, self.relieved = policy, walking, ""
         self._ordered = ""  # reason to take over in the next tick
         self._steps = 0  # before the policy began last

@@ -174,7 +174,9 @@ class WalkingControl(SteeredControl):
             stiffness.check_robot(robot)
         if ground is not None:
             ground.check_robot(robot)
-            walk.place_feet_by(ground)
+            if walk.ground is None:
+                raise InputError(f"{type(walk).__name__} does not place feet by a known ground")
+            walk.ground.sight = ground
         self.reference: Reference | None = None
         self.stopped = False
         self._asked: object = None  # last order to walk

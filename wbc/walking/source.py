@@ -21,7 +21,6 @@ from wbc.base.numbers import Array
 from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import SIDES, Robot
-from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
@@ -133,7 +132,7 @@ class ReferenceSource(ABC):
         lift_room: Height over its lowest one that a lowered CoM must keep, so that the legs can lift a foot, m: the
             height of the swing in planned steps, and zero in free steps, which lift their feet from the lowest CoM.
         reason: Reason why the source has dropped the last order; empty if it has not.
-        ground: Known ground for landings; None for a source that decides no landings.
+        ground: What is known of the ground for landings; None for a source that decides no landings.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
         made_for: Robot and control period, s, for which the references are made; None for any.
@@ -148,7 +147,7 @@ class ReferenceSource(ABC):
     ground: GroundEstimate | None = None
     steering: Steering | None = None
     planner: FootstepSource | None = None
-    made_for: tuple[Robot | None, float | None] = (None, None)
+    made_for: tuple[Robot | None, float | None] | None = None
     used = False
 
     @abstractmethod
@@ -162,7 +161,7 @@ class ReferenceSource(ABC):
 
     def check_use(self, robot: Robot, dt: float) -> None:
         """Raise an `InputError` unless the source is new, and made for a control of this robot with a period, s."""
-        own, period = self.made_for
+        own, period = self.made_for or (None, None)
         if self.used:
             had = "has had a control"
         elif own is not None and own is not robot:
@@ -196,16 +195,6 @@ class ReferenceSource(ABC):
     def take(self, planner: FootstepSource | None) -> None:
         """Take the footsteps of a planner from now on; None takes those of the steering."""
         self.planner, self.reason = planner, ""
-
-    def place_feet_by(self, ground: KnownGround) -> None:
-        """Place the feet by the known ground, from the next swing on.
-
-        Args:
-            ground: Known ground; the control keeps it up to date.
-        """
-        if self.ground is None:
-            raise InputError(f"{type(self).__name__} does not place feet by a known ground")
-        self.ground.sight = ground
 
 
 class StandSource(ReferenceSource):

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, choose
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.frames import FixedPose, pose
 from wbc.core.model import joints_to
@@ -57,16 +57,15 @@ class ArmSettings:
         speed: Greatest speed of the reference of a hand, m/s.
         acceleration: Greatest acceleration of the reference of a hand, m/s².
         waist: Hands with targets move the joints of the waist as well.
-        swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
-            foot is ahead of its own. 0 holds them still.
-        fast_swing: `swing` in a fast walk with free steps, where the arms hold against the turn of the legs.
+        fast_swing: Swing of arms without targets in a fast walk with free steps, where the arms hold against the turn
+            of the legs, m/m: displacement of a hand forward for each metre that the other side's foot is ahead of its
+            own. 0 holds them still.
     """
 
     weight: Positive = 50.0
     speed: Annotated[Positive, "m/s"] = 0.5
     acceleration: Annotated[Positive, "m/s²"] = 2.0
     waist: bool = False
-    swing: Annotated[NonNegative, "m/m"] = 0.0
     fast_swing: Annotated[NonNegative, "m/m"] = 0.4
 
 
@@ -112,7 +111,6 @@ class Arm:
         self.task.scale = 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
-        self._order: tuple[object, ...] = ()  # of `reach`, which the hand carries out
         self.within = WORLD
         self._way = HandWay(settings.speed, settings.acceleration, self._dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
@@ -245,32 +243,18 @@ class Arm:
 
     # ---- orders -------------------------------------------------------------------------------------------------
 
-    def reach(
-        self,
-        target: ArrayLike | pin.SE3,
-        frame: str = WORLD,
-        *,
-        duration: float | None = None,
-        speed: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
-    ) -> None:
+    def reach(self, target: ArrayLike | pin.SE3, frame: str = WORLD, *, speed: float | None = None) -> None:
         """Go to a target and stay there, from the next tick on.
-
-        The hand goes as fast as the settings let it; with a duration or a speed on a minimum jerk trajectory, which
-        waits, as the reference always does, for a hand that cannot follow. The same order once more changes nothing.
 
         Args:
             target: Point, shape (3,), m, or pose of the hand.
             frame: "world", "pelvis", "feet" (the middle of both planned feet, at the lower one, smoothed), or the name
                 of an object that `Arms.place` knows.
-            duration: Time to the target, s.
-            speed: Greatest speed, m/s, or a pair (linear, angular), m/s and rad/s.
-            acceleration: Greatest acceleration, as `speed`; reaches that speed in 0.2 s when None and no duration is
-                given.
+            speed: Greatest speed, m/s; that of the settings when None.
 
         Raises:
-            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
-                limit that is not above zero.
+            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a speed that is
+                not above zero.
         """
         self._check_own()
         choose("frame of a hand's target", frame, self._frames.names)
@@ -280,14 +264,9 @@ class Arm:
         else:
             goal, turn = pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,))), 0.0
         self._check_not_led(f"{what}, {np.round(goal.translation, 3).tolist()},")
-        timed = duration is not None or speed is not None
-        if acceleration is not None and not timed:
-            raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
-        limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        order = goal.homogeneous.tolist(), frame, turn, str(limits)
-        if order != self._order:
-            self.send(Route([goal], frame, turn, [limits] if timed else ()), led=False)
-            self._order = order
+        if speed is not None:
+            speed = finite_scalar(f"speed of '{self.name}' (m/s)", speed, above=0.0)
+        self.send(Route([goal], frame, turn, speed=speed), led=False)
 
     def release(self) -> None:
         """Let the arm go back to its posture; an `InputError` while the hand presses or grips."""
@@ -318,7 +297,7 @@ class Arm:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._led, self._order = route.frame, led, ()
+        self.within, self._led = route.frame, led
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
         self._weigh()
@@ -330,7 +309,6 @@ class Arm:
         """Blend the task out, if there is a target."""
         if self._way.goal is not None:
             self._way.end()
-            self._order = ()
             self._blend.to(0.0, BLEND)
 
     def yield_by(self, lag: float, speed: float) -> None:

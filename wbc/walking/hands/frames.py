@@ -38,7 +38,7 @@ class TargetFrames:
     """Frames of one robot and of the objects about it.
 
     Attributes:
-        objects: Name → motion of an object; `Arms.place` says where it is.
+        objects: Name → pose of an object; `Arms.place` says where it is.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -46,7 +46,7 @@ class TargetFrames:
         self._controller, self._robot = controller, controller.robot
         self._base = self._robot.frame_id(self._robot.base_frame)
         self._pelvis = self._robot.placement(self._base)
-        self.objects: dict[str, FrameMotion] = {}
+        self.objects: dict[str, pin.SE3] = {}
         # Point and heading, and the low-passed middle of the feet, while they are used.
         self._feet: tuple[Follower[Array], Follower[float]] | None = None
         self._lagging = np.zeros(3)
@@ -103,7 +103,7 @@ class TargetFrames:
                 acceleration = acceleration + pin.getFrameJacobian(*at) @ solution.accelerations
             return self._pelvis, pin.getFrameVelocity(*at).vector, acceleration
         if name != FEET:
-            return self.objects[name]
+            return self.objects[name], REST, REST
         if self._feet is None:
             middle = _between(*(robot.placement(sole.frame).translation for sole in robot.soles))
             return pose_of(yaw_rotation(heading(self._pelvis.rotation)), middle), REST, REST

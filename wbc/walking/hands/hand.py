@@ -37,9 +37,8 @@ from wbc.core.robot import Robot
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
-from wbc.walking.hands.force import PressForce
+from wbc.walking.hands.force import PressForce, WristSensor
 from wbc.walking.hands.frames import FEET, WORLD
-from wbc.walking.hands.sensor import WristSensor
 from wbc.walking.hands.way import Route
 from wbc.walking.plans.swing import REST
 
@@ -285,8 +284,8 @@ class Hand:
         if min(lengths) > LEAST_WAY:
             corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
             stops = [(share, corner), (1.0 - share, end)]
-        limits = [{"duration": part * self._settings.reach_time} for part, _ in stops]
-        self.arm.send(Route([place for _, place in stops], WORLD, TURN, limits))
+        durations = [part * self._settings.reach_time for part, _ in stops]
+        self.arm.send(Route([place for _, place in stops], WORLD, TURN, durations))
 
     def _search(self, start: pin.SE3) -> None:
         """Approach the surface from a place in the world."""

@@ -37,7 +37,6 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.force import HELP_TIME
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, ZERO, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15
@@ -52,9 +51,43 @@ STILL, NO_FORCE = 1e-5, 0.1
 """Shift of the CoM and its speed together, m and m/s, and force, N, below which hands without an order are done: at a
 height of 1 m 0.1 N moves the ZMP of a robot of 40 kg by a quarter of a millimetre."""
 
+LEAST_REST = 0.5
+"""Time at rest from which a mean counts as the bias of the gyroscope, s."""
+
 HELP_FROM = 1.0
 """Moment that the feet cannot give from which hands help, Nm; of a light robot, its share: their distribution leaves a
 little at any time."""
+
+
+class GyroSlip:
+    """Slip of the feet by the gyroscope: turn of a link by the gyroscope on it, less that by the estimate.
+
+    The estimate of the attitude (`wbc.core.estimation.inertial`) takes the heading from the feet, which hold it without
+    drift while they do not slip. A robot that turns something heavy slips by degrees in each step. Over a minute the
+    integrated gyroscope is better, once its bias has been averaged at rest.
+
+    Attributes:
+        angle: Turn of the feet about the vertical that the estimate lacks, rad.
+        bias: Bias of the gyroscope about the vertical, rad/s; zero before the robot has been at rest for 0.5 s.
+    """
+
+    def __init__(self) -> None:
+        self.angle = self.bias = self._sum = self._rest = 0.0
+
+    def update(self, gyro: Array, vertical: Array, turned: float, rests: bool, dt: float) -> None:
+        """Advance by one period, s, with the gyroscope, rad/s, and the vertical in its frame, each of shape (3,).
+
+        The estimate has `turned` the link about the vertical in this period, rad. `rests` is True while the feet do not
+        turn: the mean of the difference then is the bias.
+        """
+        off = float(gyro.dot(vertical)) * dt - turned
+        if not rests:
+            self._sum = self._rest = 0.0
+            self.angle += off - self.bias * dt
+            return
+        self._sum, self._rest = self._sum + off, self._rest + dt
+        if self._rest >= LEAST_REST:
+            self.bias = self._sum / self._rest
 
 
 class Hands:

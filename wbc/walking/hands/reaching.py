@@ -10,23 +10,22 @@ opposite foot.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array
 from wbc.core.frames import pose
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.walking.hands.arm import Arm, ArmSettings
 from wbc.walking.hands.frames import FEET, PELVIS, WORLD, TargetFrames
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.plans.swing import REST, FootMotion
+from wbc.walking.plans.swing import FootMotion
 from wbc.walking.tasks import WalkTasks
 
 SIGNS = {"left_hand": 1.0, "right_hand": -1.0}
@@ -62,26 +61,26 @@ class Arms:
         self._swings = self._rest  # target of the posture by the swing
         self._spared: tuple[Arm, ...] = ()
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.all)
+
     def __getitem__(self, name: str) -> Arm:
         """Return the arm of a hand by its role."""
         return self.all[choose("hand", name, self.all)]
 
     @checked
-    def place(self, name: str, where: pin.SE3 | None, velocity: ArrayLike | None = None) -> None:
+    def place(self, name: str, where: pin.SE3 | None) -> None:
         """State where an object is; call it again whenever it has moved.
 
         Args:
             name: Name of the object.
             where: Its pose in the world; None forgets the object, which is an `InputError` while a hand has its target
                 there.
-            velocity: Velocity of its origin and angular velocity in world axes, shape (6,), m/s and rad/s; at rest when
-                None.
         """
         if name in (WORLD, PELVIS, FEET):
             raise InputError(f"the name of an object must not be '{name}'")
         if where is not None:
-            moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
-            self._frames.objects[name] = pose(f"pose of '{name}'", where), moving, REST
+            self._frames.objects[name] = pose(f"pose of '{name}'", where)
             return
         bound = [arm.name for arm in self.all.values() if arm.active and arm.within == name]
         if bound:
@@ -115,8 +114,7 @@ class Arms:
             for arm in active:
                 arm.update(accelerations)
             self._spare(active, accelerations)
-        s = self.settings
-        swing = s.swing + fast_share * (max(s.fast_swing, s.swing) - s.swing)
+        swing = fast_share * self.settings.fast_swing
         if swing > 0.0 or self._swung > 0.0:
             self._swung = swing
             self._swing(feet, yaw, swing)

@@ -5,12 +5,11 @@ All places are in the frame of the target, which the reference does not know.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array
 from wbc.core.qp.move import Move, PoseCoordinates
@@ -25,9 +24,6 @@ TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
 LINEAR = np.repeat((1.0, 0.0), 3)
 """Part of a velocity or acceleration, shape (6,), that is not of a rotation."""
 
-Limits = Mapping[str, ArrayLike | None]
-"""Duration, speed and acceleration of a minimum jerk trajectory, as those of `Arm.reach`."""
-
 
 class Route(NamedTuple):
     """Order of a hand to go to a target, or through other poses to it.
@@ -36,14 +32,14 @@ class Route(NamedTuple):
         poses: Poses in the frame, that of the target last.
         frame: Name of the frame.
         turn: Ratio of the cost of the hand's rotation to that of its place; the hand turns as it likes at 0.
-        limits: Those of a minimum jerk trajectory to each pose; without any the hand goes at its speed.
+        durations: Times of a minimum jerk trajectory to each pose, s; without any the hand goes at its speed.
         speed: Greatest speed without trajectories, m/s; that of the settings when None.
     """
 
     poses: Sequence[pin.SE3]
     frame: str
     turn: float
-    limits: Sequence[Limits] = ()
+    durations: Sequence[float] = ()
     speed: float | None = None
 
 
@@ -56,7 +52,7 @@ class HandWay:
         place: Reference.
         velocity: Its velocity, [linear; angular], shape (6,), m/s and rad/s.
         acceleration: Derivative of the velocity, shape (6,), m/s² and rad/s².
-        moves: Trajectories to come, where times or speeds were given.
+        moves: Trajectories to come, where times were given.
     """
 
     def __init__(self, speed: float, acceleration: float, dt: float) -> None:
@@ -98,8 +94,8 @@ class HandWay:
         ]
         starts, begins = (reference, *goals), (rates, *([(None, None)] * len(goals)))
         self.moves = [
-            Move(PoseCoordinates(start, pin.SE3), [goal], begin, **limit)
-            for start, goal, begin, limit in zip(starts, goals, begins, route.limits, strict=False)
+            Move(PoseCoordinates(start, pin.SE3), [goal], begin, duration=duration)
+            for start, goal, begin, duration in zip(starts, goals, begins, route.durations, strict=False)
         ]
         self.goal, self.turn = goals[-1], route.turn
         self._fastest = self._usual if route.speed is None else route.speed

@@ -125,6 +125,7 @@ def _path(
 ) -> FootstepPlan:
     """Return the plan of steps beside a middle that moves from the middle of the feet at the start."""
     numbers = [finite_array("a move (m, m, rad)", move, (3,)).tolist() for move in moves]
+    _check_count("number of moves", len(numbers), len(numbers))
     for *_, turn in numbers:
         if abs(turn) > math.pi:
             raise InputError(f"turn of a move (rad) must be at most half a turn, {math.pi:.4g}, got {turn:g}")
