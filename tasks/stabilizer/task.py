@@ -182,8 +182,8 @@ class StabilizerTask(CoMTask):
     def observe(self, measurement: Measurement, dt: float) -> None:
         """Run the stabilizer with the CoM target for one tick, and set the references of this task and of the feet.
 
-        The state is the estimate of the control that runs the controller (`PositionControl` and others), or, without a
-        control, that of the robot of the controller.
+        The state is that of `Controller.measured`: the estimate of the control that runs the controller, or, without a
+        control, the robot of the controller itself.
 
         Args:
             measurement: Measurement with the wrenches on the soles.
