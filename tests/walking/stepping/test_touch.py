@@ -16,7 +16,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.felt import BodyState, GaitState
-from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over, viability
+from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over
 from wbc.walking.stepping.settings import GaitValues, SteppingConstants, SteppingSettings
 from wbc.walking.stepping.touch import SwingTouch
 
@@ -208,15 +208,6 @@ def test_a_foot_is_pushed_that_is_faster_than_any_step_without_hurry_in_the_worl
     felt.elapsed = 3.0 + 3.0 * LAW.touch.pushed_time
     touch.notice_push(0.0, 1.0, 0.0)
     assert not touch.pushed, "a foot that comes back is as fast"
-
-
-def test_viability_is_the_lesser_ratio_of_offsets() -> None:
-    """Of the orbit's offset inwards to that of ξ, and ahead with half a stretch."""
-    orbit = Orbit.of((0.3, 0.0), 1.0, 0.2, 0.4, 0.4, OMEGA)
-    for ahead, inwards in ((0.0, 0.02), (0.3, 0.02), (-0.3, 0.02), (0.01, 0.5), (0.5, 0.5)):
-        aside = orbit.inwards / inwards
-        along = (abs(orbit.ahead) + 0.5 * 0.09) / max(abs(ahead), 1e-9)
-        assert viability(ahead, inwards, orbit, 0.09) == pytest.approx(min(aside, along))
 
 
 # ---- what is felt ---------------------------------------------------------------------------------------------------
