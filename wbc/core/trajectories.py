@@ -284,7 +284,10 @@ class Trajectory:
             else finite_array(f"{what} at the start", rate, waypoints[0].shape)
             for what, rate in (("velocity", velocity), ("acceleration", acceleration_at_start))
         ]
-        lengths = _lengths(steps, parts, speeds)
+        # Of each step, in seconds at full speed where there is one: of the part that takes longest.
+        each = np.array([np.linalg.norm(steps[:, part], axis=1) for part in parts])
+        lengths: Array = (each if speeds is None else each / speeds[:, None]).max(axis=0)
+        lengths = np.where(lengths > 1e-12, lengths, 0.0)
         self.duration = duration or 0.0
         self._starts: list[float] = []
         self._pieces = np.zeros((0, 6, self.end.size))  # coefficients of each piece, over its own time
@@ -325,13 +328,6 @@ class Trajectory:
         rates = np.array((*powers, (0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3)))
         position, velocity, acceleration = rates.dot(self._pieces[piece])
         return position, velocity, acceleration
-
-
-def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Array:
-    """Length of each step, in seconds at full speed where there is one: of the part that takes longest."""
-    each = np.array([np.linalg.norm(steps[:, part], axis=1) for part in parts])
-    length: Array = (each if speeds is None else each / speeds[:, None]).max(axis=0)
-    return np.where(length > 1e-12, length, 0.0)
 
 
 class _Path:

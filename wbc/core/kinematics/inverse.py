@@ -258,14 +258,13 @@ class InverseKinematics(Items):
         velocities, robot = self.solve(), self.robot
         status = self._solution.status  # type: ignore[union-attr]
         if not (status.ok or hold):
-            raise NoSolutionError(self._failure(status))
+            named = ", ".join(self.diagnose()) or "nothing by name"
+            raise NoSolutionError(
+                f"inverse kinematics has no solution, it is {status.value} by {named}: step(hold=True) stands still"
+            )
         robot.v[:] = velocities
         self._move(pin.integrate(robot.model, robot.q, self._period * velocities))
         return velocities
-
-    def _failure(self, status: Status) -> str:
-        named = ", ".join(self.diagnose()) or "nothing by name"
-        return f"inverse kinematics has no solution, it is {status.value} by {named}: step(hold=True) stands still"
 
     @checked
     def reach(

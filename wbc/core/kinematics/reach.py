@@ -42,7 +42,6 @@ POOR = 0.25
 STILL = 1e-10
 """Step that moves nothing, rad or m."""
 
-
 PULLS = 0.1
 """Share of the greatest gradient that an error can have above which its task pulls on joints that could lessen it."""
 

@@ -49,7 +49,6 @@ SLOW = 1e-3
 SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
 
-
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 Twist = Sequence[float]
@@ -364,8 +363,10 @@ class CollisionLimit(Barrier):
             if has_corners[pair]:
                 corners += self._corners(pair, nearest, growth, twist, window)
                 owners += [pair] * (len(corners) - len(owners))
-        if len(corners) > self.dim - self._n_pairs:
-            corners, owners = self._nearest(corners, owners)
+        if len(corners) > self.dim - self._n_pairs:  # the nearest ones have rows
+            by = [(corner[0], owner, corner[-1]) for corner, owner in zip(corners, owners, strict=True)]
+            order = sorted(range(len(by)), key=by.__getitem__)[: self.dim - self._n_pairs]
+            corners, owners = [corners[i] for i in order], [owners[i] for i in order]
         if not (found or corners):
             return NOTHING
         rows = [*pairs, *range(self._n_pairs, self._n_pairs + len(corners))]
@@ -402,12 +403,6 @@ class CollisionLimit(Barrier):
             if gap + ahead * growth < late:
                 found.append((gap, nx, ny, nz, mx, my, mz, x, y, z, gap - margin - least, growth))
         return found
-
-    def _nearest(self, corners: list[Numbers], owners: list[int]) -> tuple[list[Numbers], list[int]]:
-        """Return as many corners as have rows, nearest ones first, and their pairs."""
-        by = [(corner[0], owner, corner[-1]) for corner, owner in zip(corners, owners, strict=True)]
-        order = sorted(range(len(by)), key=by.__getitem__)[: self.dim - self._n_pairs]
-        return [corners[i] for i in order], [owners[i] for i in order]
 
     def _put(self, near: Near, rows: Array, room: Array) -> Array:
         """Fill the rows of pairs and corners, and return them.

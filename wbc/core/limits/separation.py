@@ -44,33 +44,23 @@ class Separation:
         spread: Largest distance of points in which two shapes face each other, of each pair, m.
     """
 
-    def __init__(
-        self, geometry: pin.GeometryModel, data: pin.GeometryData, corners: NDArray[np.bool_] | bool = False
-    ) -> None:
+    def __init__(self, geometry: pin.GeometryModel, data: pin.GeometryData, corners: Array) -> None:
         """Follow the placements in the data of the pairs of a geometry, whose shapes have known boxes.
 
-        Args:
-            geometry: Shapes and pairs.
-            data: Their placements.
-            corners: Whether the speeds are those of corners, too, for each pair.
+        The speeds are those of corners, too, for each pair for which `corners` is true.
         """
         pairs = np.array([(p.first, p.second) for p in geometry.collisionPairs], dtype=np.intp).T
         cores = np.array([_core(item.geometry) for item in geometry.geometryObjects])[pairs]
         n = pairs.shape[1]
         self._turning = cores / np.sqrt(2.0)
         self._least_core, self._both_cores = cores.min(axis=0), np.sqrt(2.0) * cores.sum(axis=0)
-        sizes = np.array([_core(i.geometry) or float(i.geometry.radius) for i in geometry.geometryObjects])[
-            pairs
-        ]
-        self.spread = 2.0 * sizes.min(axis=0)
+        sizes = [_core(i.geometry) or float(i.geometry.radius) for i in geometry.geometryObjects]
+        self.spread = 2.0 * np.array(sizes)[pairs].min(axis=0)
         self._least_core = np.where(corners, 3.0, 1.0) * self._least_core
         pivots = pairs[cores.argmin(axis=0), np.arange(n)]
         self._coordinates = following([place.rotation for place in data.oMg], 12).reshape(-1)
         # Places among the coordinates: rotations of both shapes, origins of both, and factors of a cross product.
-        turns, origins = (
-            (12 * pairs[:, None, :] + np.arange(9)[:, None]),
-            12 * pairs[:, None, :] + ORIGIN[:, None],
-        )
+        turns, origins = (12 * pairs[:, None, :] + places[:, None] for places in (np.arange(9), ORIGIN))
         self._places = np.concatenate((turns.reshape(18, n), origins.reshape(6, n)))
         self._centres = 12 * pivots + 9 + np.concatenate((ZXY, YZX))[:, None]
         self._now, self._change = np.zeros((24, n)), np.zeros((24, n))

@@ -15,7 +15,6 @@ from wbc.core.qp.task import NEAR, SelectionTask, Task
 SLACK_TOLERANCE = 1e-4
 """Violation below which a group counts as satisfied, in the unit of its rows."""
 
-
 OPPOSES = 0.1
 """Share of the gradient of a task that another one takes off, from which that one is named."""
 

@@ -9,7 +9,7 @@ from typing import Annotated, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.base.errors import InputError, names_in, shown, unknown_name
+from wbc.base.errors import InputError, choose, names_in, shown
 from wbc.base.numbers import Array, finite_scalar
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.robot import Robot
@@ -106,23 +106,6 @@ class ContactOptions(TypedDict, total=False):
     motion_weight: ArrayLike | None
 
 
-def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
-    """Return a mask of shape (len(choices),): which of `choices` are in `axes`, given once each in the same order."""
-    chosen = names_in(f"axes of task '{task}'", axes)
-    if not chosen or len(set(chosen)) != len(chosen):
-        raise InputError(f"task '{task}' needs axes out of {', '.join(choices)}, each once; got {chosen}")
-    for axis in chosen:
-        if axis not in choices:
-            unknown_name(f"axis for task '{task}'", axis, choices)
-    in_order = [axis for axis in choices if axis in chosen]
-    if list(chosen) != in_order:
-        raise InputError(
-            f"task '{task}' has its rows in the order {', '.join(choices)}; give the axes so, as {tuple(in_order)}, "
-            f"not {tuple(chosen)}"
-        )
-    return np.array([axis in chosen for axis in choices])
-
-
 def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
     """Return the velocity coordinates of joints; `UnknownNameError` if the robot has no such joint."""
     return np.array([robot.base_dof + robot.joint_index(joint) for joint in joints], dtype=np.intp)
@@ -167,10 +150,21 @@ class Choice:
         if isinstance(rows, int):
             self.dim = self.n_rows = int(finite_scalar(f"number of rows of task '{task}'", rows, low=1))
         else:
-            mask = axis_mask(task, rows if axes is None else axes, rows)
-            kept = np.flatnonzero(mask)
+            chosen = names_in(f"axes of task '{task}'", rows if axes is None else axes)
+            if not chosen or len(set(chosen)) != len(chosen):
+                raise InputError(
+                    f"task '{task}' needs axes out of {', '.join(rows)}, each once; got {chosen}"
+                )
+            for axis in chosen:
+                choose(f"axis for task '{task}'", axis, rows)
+            kept = np.array([list(rows).index(axis) for axis in chosen])
+            if (np.diff(kept) < 0).any():
+                raise InputError(
+                    f"task '{task}' has its rows in the order {', '.join(rows)}; give the axes so, as "
+                    f"{tuple(axis for axis in rows if axis in chosen)}, not {tuple(chosen)}"
+                )
             self.dim, self.n_rows = kept.size, len(rows)
-            self.n_linear = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
+            self.n_linear = sum(axis in POSITION_AXES for axis in chosen)
             if self.dim < self.n_rows:
                 first, last = int(kept[0]), int(kept[-1])
                 self.keep = slice(first, last + 1) if last - first < self.dim else kept

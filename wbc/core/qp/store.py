@@ -56,13 +56,6 @@ def _kind(task: Task) -> int:
     return SELECTION if isinstance(task, SelectionTask) else int(isinstance(task, VariableTask))
 
 
-def _cone_names(contact: Contact) -> list[str]:
-    """Return the names of the inequalities of a contact's force."""
-    what = "normal force" if len(contact.ranged) == 1 else "wrench"
-    cone = [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
-    return cone + [f"{what} of {contact.name}"] * len(contact.ranged)
-
-
 class RowStore:
     """Rows of tasks, contacts and limits in one QP; made anew when one of these is added or removed.
 
@@ -144,7 +137,11 @@ class RowStore:
         self._limits: list[tuple[Limit, Array, Array, Array]] = []
         torques = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
         joints = self._place_limits(single, self._joints.start)
-        cones = [name for contact in forces for name in _cone_names(contact)]
+        cones = list[str]()
+        for each in forces:
+            what = "normal force" if len(each.ranged) == 1 else "wrench"
+            cones += [f"wrench cone of {each.name}"] * each.cone.shape[0]
+            cones += [f"{what} of {each.name}"] * len(each.ranged)
         self.names = (*torques, *joints, *cones, *self._place_limits(many, self._others.start))
         bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
         demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]

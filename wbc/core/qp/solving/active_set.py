@@ -127,7 +127,10 @@ class ActiveSet:
             target = np.concatenate((target, np.where(self._upper_side, p.upper[active], p.lower[active])))
             if not math.isfinite(target.dot(target)):
                 return False  # an active bound has become infinite
-        work = self._works.get(active.size) or self._make_work()
+        work = self._works.get(active.size)
+        if work is None:  # its arrays are kept for further ticks
+            rows = np.zeros((1 + self._n_linear + active.size, self._inverse.size))
+            work = self._works[active.size] = _Work(rows, n_eq, self._n_linear)
         rows, rows_t, scaled = work.rows, work.rows_t, work.scaled
         if active.size:
             np.concatenate((p.linear_and_rows, p.inequality[active]), out=rows)
@@ -155,12 +158,6 @@ class ActiveSet:
             error[n_eq : self._n_linear] -= force[n_eq : self._n_linear] * self._soft_inverse
             force += dpotrs(factor, error)[0]
         return False
-
-    def _make_work(self) -> _Work:
-        """Make the arrays for the present number of active inequalities, which are kept for further ticks."""
-        n, n_rows = self._p.diagonal.size, 1 + self._n_linear + self._active.size
-        work = self._works[self._active.size] = _Work(np.zeros((n_rows, n)), self._p.n_eq, self._n_linear)
-        return work
 
     def _check(self) -> bool | None:
         """Correct the set; return True if that was needed, False if it is right, None if it cannot be corrected."""

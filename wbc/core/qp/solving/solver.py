@@ -38,7 +38,6 @@ UNBOUNDED = 1e30
 MAX_ITERATIONS = 1000
 """Changes of the active set after which DAQP gives up; a tick with a hundred rows takes 10 to 60."""
 
-
 SLACK = 1e-4
 """Violation of an inequality that yields to the costs alone, as a share of what they would have of it."""
 
