@@ -13,6 +13,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.collision import CollisionLimit
+from wbc.core.limits.frame import FLAT, AxisConeLimit
 from wbc.core.limits.joint import TorqueLimits
 from wbc.core.limits.pairs import random_joints
 from wbc.core.qp.contact import Contact
@@ -51,7 +52,8 @@ def check_rows(
     the derivative of J v at constant v is the drift. The error of a task on velocities, such as a momentum, is target −
     J v. The lower bound of a limit is never above its upper bound. The rows of a `Barrier` are the derivatives of its
     coordinates, and its drift is the change of their velocities at constant v; a `CollisionLimit` measures
-    pairs that are far apart only when they may come near, so its rows are not compared.
+    pairs that are far apart only when they may come near, so its rows are not compared. Nor are those of an
+    `AxisConeLimit` near the opposite direction, where it follows the direction of the angle no further.
 
     A copy of the task is bound at each random state, as a controller would do it. A target that is not given is then
     the present state. For rotations this matters, because J is the derivative of their error only at the target.
@@ -112,7 +114,9 @@ def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Genera
         rows = np.full((limit.dim, robot.nv), 1.0 if isinstance(limit, TorqueLimits) else np.nan)
         lower, upper = np.full(limit.dim, np.nan), np.full(limit.dim, np.nan)
         limit.write(dt, rows, lower, upper)
-        still = ~np.abs(rows).any(axis=1)
+        still = ~np.abs(rows).any(axis=1) & (
+            not isinstance(limit, Barrier)
+        )  # whose demands a solver cuts off
         for what, wrong in (
             ("row that is not finite", ~np.isfinite(rows).all(axis=1)),
             ("bound that is NaN", np.isnan(lower) | np.isnan(upper)),
@@ -146,6 +150,8 @@ def _check_barrier(limit: Barrier, robot: Robot, q: Array, v: Array) -> None:
                 f"limit '{limit.name}' has a lower bound above the upper one: row {row}, by {-(below + above)[row]:.6g}"
             )
         ends.append((below, -above, rows @ v, drift))
+    if isinstance(limit, AxisConeLimit) and limit._sine <= FLAT:
+        return
     before, here, after = ends
     for what, given, index in (
         ("speed of the coordinate by its lower bound", here[2], 0),

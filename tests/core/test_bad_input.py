@@ -98,6 +98,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     ),
     (lambda: g1().clone().carry(99999, 1.0), InputError, "99999"),
     (lambda: g1().placement(99999), InputError, "99999"),
+    (lambda: wbc.CoMTask(name=""), InputError, "not empty"),
     (lambda: Sole("left_foot", min_force=-1.0), InputError, "min_force"),
     (lambda: setattr(wbc.FixedContact("pelvis"), "friction", 0.3), InputError, "friction"),
     (lambda: boxed(Sole("left_foot"), 0.1, 10.0), InputError, "than its sole"),

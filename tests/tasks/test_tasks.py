@@ -142,9 +142,14 @@ def test_a_limit_must_leave_a_robot_that_it_does_not_move_where_it_is(
             check_rows(limit, robot)
 
 
-def test_limits_of_the_package_on_joints_and_torques_pass_the_check_of_ones_own() -> None:
+def test_limits_of_the_package_pass_the_check_of_ones_own() -> None:
+    """Also a cone whose axis comes near the opposite direction, and a box about a hand that is far from it."""
+    robot = make_robot("hrp4_class")
     for limit in (wbc.JointLimits(), wbc.TorqueLimits(), wbc.TorqueLimits(ratio=0.5, rate=1e3)):
-        check_rows(limit, make_robot("hrp4_class"))
+        check_rows(limit, robot)
+    g1 = make_robot("g1")
+    check_rows(wbc.AxisConeLimit(left_hand(g1), 0.3), g1)
+    check_rows(wbc.FramePositionLimit(robot.base_frame, upper=(0.0, 0.0, -5.0)), robot)
 
 
 def test_a_limit_of_a_controller_keeps_its_robot() -> None:

@@ -29,8 +29,8 @@ class Owned:
 
     @name.setter
     def name(self, value: str) -> None:
-        if not isinstance(value, str):
-            raise InputError(f"the name of a {self._kind} must be text, got {shown(value)}")
+        if not isinstance(value, str) or not value.strip():
+            raise InputError(f"the name of a {self._kind} must be text that is not empty, got {shown(value)}")
         if self.owner is not None and value != self._name:
             raise InputError(
                 f"{self._kind} '{self._name}' is in a controller, where its name is fixed: remove it, assign the name, "

@@ -254,7 +254,7 @@ class AxisConeLimit(FrameLimit):
                 turn = add_cross(_NONE, axis, np.eye(3)[np.abs(axis).argmin()].tolist())
             length = math.hypot(*turn)
             turn, sine = (turn[0] / length, turn[1] / length, turn[2] / length), max(sine, FLAT)
-        self._now = axis, cosine, turn, sine
+        self._now, self._sine = (axis, cosine, turn), sine
         np.dot(turn, self._jacobian()[3:], out=rows[0])
         above[:] = np.inf
 
@@ -267,7 +267,7 @@ class AxisConeLimit(FrameLimit):
 
         The second derivative of a·d = cos θ is α·(a × d) + (ω × (ω × a))·d. That of −θ is (that + cos θ θ̇²) / sin θ.
         """
-        (axis, cosine, turn, sine), acceleration = self._now, self._acceleration()
+        (axis, cosine, turn), sine, acceleration = self._now, self._sine, self._acceleration()
         model, data = self._robot.model, self._robot.data
         spin = pin.getFrameVelocity(model, data, self._id, _WORLD).angular.tolist()
         bend = sum(map(operator.mul, add_cross(_NONE, spin, add_cross(_NONE, spin, axis)), self._direction))

@@ -93,7 +93,8 @@ class Task(Motion):
             **options: See `MotionOptions`. The weight is 1 and the stiffness 0 unless they or `usual` have others.
         """
         given: dict[str, Any] = {**self.usual, **options}
-        name = given.pop("name", None) or name
+        named = given.pop("name", None)
+        name = name if named is None else named
         axes = None if isinstance(rows, int) else given.pop("axes", None)
         joints = given.pop("joints", None) if self._over_joints else None
         self._choice = Choice(name, rows, axes, joints)
