@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,8 +10,7 @@ from task_factory import standing
 
 from wbc import Command, CoMTask, walk
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.observer import Observer, ObserverSettings
+from wbc.core.estimation.observer import DelayPredictor, Observer, ObserverSettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -219,15 +216,6 @@ def test_the_time_that_has_passed_counts_between_a_quarter_and_four_periods() ->
         np.testing.assert_array_equal(after(share * DT), period if counts == 1.0 else after(counts * DT))
     normal = [after(share * DT)[1, 2] for share in (0.25, 0.9, 1.0, 1.1, 1.5, 4.0)]
     assert (np.diff(normal) < -0.1).all(), "the foot gives up its load with time"
-
-
-def test_a_measurement_with_other_wrenches_keeps_all_other_readings() -> None:
-    names = [each.name for each in dataclasses.fields(Measurement)]
-    measurement = Measurement(**{name: object() for name in names})  # type: ignore[arg-type]
-    other = measurement.with_wrenches(wrenches := np.ones((2, 6)), "commanded torques")
-    assert other.sole_wrench is wrenches and other.wrench_source == "commanded torques"
-    for name in set(names) - {"sole_wrench", "wrench_source"}:
-        assert getattr(other, name) is getattr(measurement, name)
 
 
 def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:

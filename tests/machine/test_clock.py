@@ -163,11 +163,11 @@ def test_a_priority_is_asked_for_above_zero_where_the_system_has_a_real_time_sch
     assert clock.ask_priority(5) == clock.ask_priority(0) == 0
 
 
-@pytest.mark.parametrize(("locks", "had"), [(True, False), (False, False), (True, True)])
+@pytest.mark.parametrize("locks", [True, False])
 def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_back(
-    locks: bool, had: bool, monkeypatch: pytest.MonkeyPatch
+    locks: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A program that `had` locked its pages has them so afterwards, and its own scheduler and timers."""
+    """A program has its own scheduler and timers afterwards."""
     calls: list[Any] = []
 
     class Library:
@@ -193,7 +193,6 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
         lambda who: types.SimpleNamespace(**dict(zip(("ru_majflt", "ru_minflt"), next(usage), strict=True))),
     )
     monkeypatch.setattr(clock, "ask_priority", lambda priority: priority)
-    monkeypatch.setattr(clock, "_has_locked_pages", lambda: had)
     monkeypatch.setattr(os, "sched_getscheduler", lambda process: 2, raising=False)
     monkeypatch.setattr(os, "sched_getparam", lambda process: 80, raising=False)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given), raising=False)
@@ -206,4 +205,4 @@ def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_ba
     assert clock.gc.isenabled() and clock.gc.get_freeze_count() > 0, "what a program has frozen stays so"
     assert got.page_faults == (3, 50)
     back = [("timers", 50_000, 0, 0, 0)]
-    assert calls == ([(0, 2, 80), *back, *([] if had else ["unlock"])] if locks else back)
+    assert calls == ([(0, 2, 80), *back, "unlock"] if locks else back)

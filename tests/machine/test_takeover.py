@@ -29,8 +29,7 @@ from wbc.machine.commands import mixed
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase, RunReport
-from wbc.machine.stand import Stand, standing
-from wbc.machine.start import Landing, SafeStart
+from wbc.machine.start import Landing, SafeStart, Stand, standing
 from wbc.walking import WalkingControlSettings
 
 MODES: dict[str, Any] = {"torque": TorqueControl, "hybrid": HybridControl}

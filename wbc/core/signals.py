@@ -90,10 +90,6 @@ class Measurement:
             )
         return self.sole_wrench
 
-    def with_wrenches(self, wrenches: Array, source: WrenchSource) -> Measurement:
-        """Return the measurement with other wrenches on the soles, shape (number of soles, 6), and their origin."""
-        return replace(self, sole_wrench=wrenches, wrench_source=source)
-
 
 @dataclass(frozen=True, slots=True)
 class Command:

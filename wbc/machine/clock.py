@@ -6,12 +6,10 @@ import contextlib
 import ctypes
 import gc
 import os
-import re
 import resource
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 SPIN = 150e-6
 """Time before a deadline from which the loop no longer sleeps, s: a sleep ends late by this much as a rule."""
@@ -73,20 +71,13 @@ def let_timers_slack(slack: int) -> int:
     return before
 
 
-def _has_locked_pages() -> bool:
-    """Return True if this process has pages that are not swapped out."""
-    with contextlib.suppress(OSError):
-        return re.search(r"^VmLck:\s+[1-9]", Path("/proc/self/status").read_text(), re.MULTILINE) is not None
-    return False
-
-
 @contextlib.contextmanager
 def quiet(priority: int | None) -> Iterator[Quiet]:
     """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail.
 
-    Afterwards they are as the program had them; pages stay locked if it had locked some itself.
+    Afterwards they are as the program had them, and no page is locked.
     """
-    got, locked = Quiet(), _has_locked_pages()
+    got = Quiet()
     with contextlib.suppress(OSError, AttributeError):
         scheduler = os.sched_getscheduler(0), os.sched_getparam(0)
     enabled = gc.isenabled()
@@ -106,7 +97,7 @@ def quiet(priority: int | None) -> Iterator[Quiet]:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, *scheduler)
         let_timers_slack(slack)
-        if got.memory_locked and not locked:
+        if got.memory_locked:
             ctypes.CDLL(None).munlockall()
         if enabled:
             gc.enable()

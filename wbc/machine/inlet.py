@@ -88,10 +88,6 @@ class Inlet:
             self.refused, self.since = str(error), min(self.since, now)
         return True
 
-    def adopt(self, measurement: Measurement) -> None:
-        """Take a measurement that a control has checked itself as the last one that can be used."""
-        self.good = measurement
-
     def _checked(self, measurement: Any) -> Measurement:
         if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
             felt = replace(measurement, sole_wrench=self._unfelt)

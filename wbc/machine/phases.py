@@ -23,8 +23,7 @@ from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Driver
 from wbc.machine.report import Phase
-from wbc.machine.stand import Stand, standing, warm_up
-from wbc.machine.start import SafeStart
+from wbc.machine.start import SafeStart, Stand, standing, warm_up
 
 logger = logging.getLogger(__name__)
 
@@ -268,7 +267,7 @@ class Phases:
         seen = None if drives is None else drives.measurement
         if seen is not None and self.alone(now):
             measurement = seen
-            self._inlet.adopt(seen)
+            self._inlet.good = seen
         if not self._driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
         if drives is not None and drives.stopped:

@@ -60,8 +60,7 @@ class Servos:
 
         The error names an ankle whose kp is given and too small, the number needed and the mode to use.
         """
-        ankle = self.soft_ankle
-        if ankle is not None:
+        if (ankle := self.soft_ankle) is not None:
             kp = self.kp[self.joint_names.index(ankle)]
             raise InputError(
                 f"position control needs a kp of {ANKLE_SHARE * self.tipping:.0f} Nm/rad or more at each ankle "

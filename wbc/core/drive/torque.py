@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, lag_gain, scalar
+from wbc.base.numbers import Array, finite_array, lag_gain, read_only, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
 from wbc.core.drive.control import ANOTHER, RESTART, DriveControl, State
 from wbc.core.drive.failures import FailurePolicy
@@ -122,7 +121,10 @@ class HybridControl(TorqueControl):
                 raise InputError(f"give kp and kd: the gains of the servos of {robot!r} are not known")
             soft = robot.servos.soft()
             kp, kd = soft[0] if kp is None else kp, soft[1] if kd is None else kd
-        self.kp, self.kd = _gains("kp", kp, robot.na), _gains("kd", kd, robot.na)
+        self.kp, self.kd = (
+            read_only(finite_array(f"{name} of the servos", value, (robot.na,)))
+            for name, value in (("kp", kp), ("kd", kd))
+        )
         self._pull = lag_gain(controller.dt, reference_time)
         self._dt = scalar(controller.dt)
         self._off = np.zeros(robot.na)
@@ -172,9 +174,3 @@ class HybridControl(TorqueControl):
             assert command.joint_position is not None and command.joint_velocity is not None
             self._q[:], self._v[:] = command.joint_position, command.joint_velocity
         return command
-
-
-def _gains(name: str, value: ArrayLike, joints: int) -> Array:
-    gains = finite_array(f"{name} of the servos", value, (joints,))
-    gains.setflags(write=False)
-    return gains

@@ -16,6 +16,7 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -140,7 +141,7 @@ class WrenchEstimator:
 
     def fill(self, measurement: Measurement) -> Measurement:
         """Return a measurement with the wrenches as they are estimated at present."""
-        return measurement.with_wrenches(self.wrench.copy(), self.source)
+        return replace(measurement, sole_wrench=self.wrench.copy(), wrench_source=self.source)
 
     def observe(self, measurement: Measurement, q: Array, v: Array, lifts: Sequence[bool]) -> Measurement:
         """Update the estimate by a measurement and the state at its time, and return it with the wrenches.
