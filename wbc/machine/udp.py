@@ -63,6 +63,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
+from wbc.base.numbers import finite_scalar
 from wbc.core.estimation.checks.stamps import stamp_of
 from wbc.core.signals import Command, Measurement, WrenchSource
 from wbc.machine.loop import Driver, MachineError
@@ -178,8 +179,8 @@ class End:
         if kind == MEASUREMENT and isinstance(content, Measurement):
             origin = choose("origin of sole wrenches", content.wrench_source, ORIGINS)
             flags, stamp = ORIGIN * ORIGINS.index(origin), stamp_of(content.time)
-        elif isinstance(content, Command):
-            stamp = content.period or 0.0
+        elif isinstance(content, Command) and content.period is not None:
+            stamp = finite_scalar("period of a command (s)", content.period, above=0.0)
         values = {name: getattr(content, name) for name in arrays}
         sent = {name: value for name, value in values.items() if value is not None or not arrays[name]}
         for name, value in list(sent.items()):
