@@ -11,7 +11,6 @@ import pytest
 from at_rest import at_rest
 
 import wbc
-from wbc.base.errors import MeasurementError
 from wbc.core.drive.failures import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -211,8 +210,9 @@ def test_a_stamp_that_stands_while_signals_change_is_named_and_periods_are_count
     assert control.status() == "ok" and control.measurement.time == pytest.approx(100.0 + 69 * DT)
 
 
-@pytest.mark.parametrize(("rate", "odd"), [(0.5, True), (1.5, True), (1.1, False)])
+@pytest.mark.parametrize(("rate", "odd"), [(0.5, True), (1.21, True), (1.19, False)])
 def test_a_clock_whose_rate_changes_is_named_until_it_runs_as_before(rate: float, odd: bool) -> None:
+    """By a fifth, in the mean of 50 steps."""
     stamps, time, said = Stamps(DT, 20, 0.03), 0.0, []
     for tick in range(600):
         time += DT * (rate if 150 <= tick < 400 else 1.0)
@@ -237,21 +237,6 @@ def test_what_is_no_number_is_no_stamp(stamp: object) -> None:
     control.command(moving(0))
     control.command(replace(moving(1), time=stamp))  # type: ignore[arg-type]
     assert control.failures == 1 and "must be a finite number, got " in control.reason
-
-
-@pytest.mark.parametrize("signal", ["joint_position", "sole_wrench"])
-def test_an_observer_takes_arrays_of_real_numbers_alone(signal: str) -> None:
-    observer = wbc.Observer(shared_robot())
-    right = moving(0)
-    value = getattr(right, signal)
-    wrong = [np.array(value, dtype=kind) for kind in (object, complex, bool, str)]
-    for each in (*wrong, "wrench", np.ma.array(value, mask=True), None, value.tolist()):
-        with pytest.raises(MeasurementError):
-            observer.update(replace(right, **{signal: each}))
-    for time in ("x", None, 1j, True):
-        with pytest.raises(MeasurementError):
-            observer.update(replace(right, time=time))  # type: ignore[arg-type]
-    observer.update(right)
 
 
 @pytest.mark.parametrize("bad", [[NAN] * 6, [INF] * 6, [0.0] * 5, 5.0])

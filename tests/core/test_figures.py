@@ -12,7 +12,6 @@ import pytest
 import wbc
 from wbc.base.errors import InputError
 from wbc.core.drive.gate import CommandGate
-from wbc.core.estimation.checks.consistency import _common
 from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.friction import mean_distance, rectangle_wrench_cone
@@ -219,13 +218,6 @@ def test_a_jump_is_told_with_what_a_joint_can_travel_in_the_time() -> None:
     (reason,) = check.reasons
     assert reason.jump and reason.sensor == f"encoder of {robot.joint_names[joint]}" and reason.unit == "rad"
     assert (reason.low, reason.high) == pytest.approx((before - travel, before + travel))
-    spun = np.array([0.0, 1.1 * s.gyro_jump, 0.0])
-    check.reset()
-    check.check(measurement)
-    check.check(replace(measurement, time=DT, angular_velocity=spun))
-    (reason,) = check.reasons
-    assert reason.sensor == "gyroscope" and reason.unit == "rad/s" and reason.jump
-    assert (reason.low, reason.high) == pytest.approx((-s.gyro_jump, s.gyro_jump))
 
 
 # ---- observer -------------------------------------------------------------------------------------------------------
@@ -261,9 +253,7 @@ def test_feet_share_what_they_carry_beyond_the_least_load(name: str) -> None:
     assert observer.rest.shares == pytest.approx([part / sum(parts) for part in parts])
     for tick in range(2, 60):
         observer.update(felt(robot, 0.01 * tick, normal(0.99 * least), normal(0.0)))
-    assert (
-        not any(observer.rest.shares) and not any(observer.rest.shares) and min(observer.rest.shares) == 0.0
-    )
+    assert not any(observer.rest.shares)
 
 
 def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:
@@ -279,20 +269,6 @@ def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:
     left = math.exp(-0.02 / 0.05)
     expected = [(-0.005 + 0.025 * left, 0.005 + 0.005 * left), (-half[0] * left, half[1] * left)]
     np.testing.assert_allclose([foot.cop for foot in observer._feet], expected)
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "common"),
-    [
-        ((0.2, 0.0, 0.0), (0.1, 0.0, 0.0), (0.15, 0.0, 0.0)),
-        ((0.0, 0.3, 0.1), (0.0, 0.3, -0.1), (0.0, 0.3, 0.0)),
-        ((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        ((0.3, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        ((0.31, 0.0, 0.0), (0.11, 0.0, 0.0), (0.21, 0.0, 0.0)),
-    ],
-)
-def test_feet_turn_alike_if_they_differ_by_less_than_their_mean(first: Any, second: Any, common: Any) -> None:
-    assert _common([first, second]) == pytest.approx(common)
 
 
 # ---- contacts -------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import pytest
 
 import wbc
 from wbc.base.errors import InputError, MeasurementError, ModelError
-from wbc.core.estimation.checks.plausibility import Plausibility, PlausibilitySettings
+from wbc.core.estimation.checks.plausibility import Plausibility
 from wbc.core.qp.move import Coordinates, Move, PoseCoordinates, RotationCoordinates, least_turn
 from wbc.core.qp.solving.solution import Layout, Solution, Timings
 from wbc.core.qp.solving.solver import Status
@@ -417,18 +417,6 @@ def test_torques_and_wrenches_of_hands_are_left_out_beyond_their_ranges(sign: fl
         assert checks.faults == ()
 
 
-@pytest.mark.parametrize("hold", [0.0, 0.02, 0.05])
-def test_a_refused_reading_is_predicted_for_a_time_and_no_longer(hold: float) -> None:
-    checks = Plausibility(HRP4, DT, PlausibilitySettings(hold=hold))
-    checks.check(rest(0.0))
-    gone = np.full(HRP4.na, np.nan)
-    good = round(hold / DT)
-    for tick in range(1, good + 1):
-        checks.check(rest(tick * DT, joint_position=gone))
-    with pytest.raises(MeasurementError, match=f"refused for {(good + 1) * DT:.3f} s"):
-        checks.check(rest((good + 1) * DT, joint_position=gone))
-
-
 def test_a_clock_may_step_by_twenty_periods_and_one_that_has_jumped_is_adopted_after_a_while() -> None:
     checks = Plausibility(HRP4, DT)
     checks.check(rest(1.0))
@@ -446,18 +434,3 @@ def test_a_clock_may_step_by_twenty_periods_and_one_that_has_jumped_is_adopted_a
     used, anew = checks.check(rest(0.5 + 6.01 * DT))
     assert anew and used.time == pytest.approx(0.5 + 6.01 * DT)
     assert not checks.check(rest(0.5 + 7.0 * DT))[1]
-
-
-@pytest.mark.parametrize(
-    ("ratio", "said"), [(1.19, False), (1.21, True), (1.0 / 1.19, False), (1.0 / 1.21, True)]
-)
-def test_a_clock_that_is_a_fifth_faster_or_slower_than_the_controller_is_named(
-    ratio: float, *, said: bool
-) -> None:
-    """By the mean of 50 steps."""
-    checks, time = Plausibility(HRP4, DT), 0.0
-    for tick in range(52):
-        checks.check(rest(time + ratio * DT * tick, joint_position=HRP4.half_sitting[7:] + 1e-6 * tick))
-        assert bool(checks.stamps.pace) == (said and tick >= 50)
-    if said:
-        assert checks.stamps.pace.startswith(f"measurements come every {1e3 * ratio * DT:.3g} ms")

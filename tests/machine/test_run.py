@@ -74,25 +74,6 @@ def test_joints_of_somebody_else_are_held_where_they_were_let_go_and_never_limp(
     assert sent.joint_position is not None and (sent.joint_position[released] == 5.0).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("leaves", [False, True])
-def test_a_run_holds_joints_of_somebody_else_unless_the_driver_leaves_them(leaves: bool) -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    machine.leaves_released = leaves
-    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
-    arm = [name for name in DESCRIPTION.joint_names if "left_elbow" in name or "left_wrist" in name]
-    released = control.release(arm)
-    assert released is not None
-    runner = make(machine, control)
-    sent = commands_by_phase(machine, runner)
-    runner.run(2.0)
-    for command in sent[Phase.RUN][100:]:
-        assert (command.released is not None) is leaves
-        if not leaves:
-            assert command.kp is not None and command.kp[released.index].min() > 0.0
-    assert len(sent[Phase.RUN]) > 100
-
-
 @pytest.mark.parametrize("until", [0.0, 0.1, 0.3])
 def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall(until: float) -> None:
     """On the way to half-sitting; while stiffness and torques still rise, they rise no further."""

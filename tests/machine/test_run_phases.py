@@ -126,22 +126,6 @@ def test_a_robot_must_carry_itself_for_a_time_however_long_it_has_hung(
     assert phases[3][1] == pytest.approx(1.38 + 0.3, abs=0.011)
 
 
-def test_a_controller_is_mixed_in_over_its_time() -> None:
-    """Its torque rises in proportion from the servos to its own, which come back by themselves without it."""
-    own = np.linspace(1.0, 2.0, ROBOT.na)
-    machine = StillMachine(lambda time: 1.0)
-    runner = runner_of(machine, OwnControl(lambda measurement: Command(own)), load=0.0)
-    sent: dict[float, Command] = {}
-    runner.run(lambda: sent.update({machine.now: machine.sent[-1]}) or machine.now > 1.6)  # type: ignore[func-returns-value]
-    begin = next(time for phase, time in runner._phases.begun if phase is Phase.RUN)
-    after = {round(time - begin, 6): command for time, command in sent.items()}
-    assert after[0.3].kp is None and np.array_equal(after[0.3].joint_torque, own)
-    kps = [after[round(k * PERIOD, 6)].kp for k in (5, 10, 15)]
-    assert all(kp is not None for kp in kps)
-    late = [float(np.linalg.norm(after[round(k * PERIOD, 6)].joint_torque - own)) for k in (5, 10, 15, 19)]
-    assert late == sorted(late, reverse=True) and late[3] < 0.3 * late[0]
-
-
 @pytest.mark.parametrize("until", [1.2, 9.0])
 def test_a_machine_that_is_slower_than_its_stamps_hangs_until_it_keeps_up(
     monkeypatch: pytest.MonkeyPatch, until: float

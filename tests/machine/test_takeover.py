@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 import logging
 import resource
@@ -289,27 +288,6 @@ def test_a_mixed_command_does_to_the_joints_what_is_between_both() -> None:
     told = {"released": np.ones(5, dtype=bool), "sole_stiffness": np.ones(2), "period": 0.002}
     half = mixed(first, replace(second, **told), 0.5)
     assert all(getattr(half, name) is value for name, value in told.items())
-
-
-def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() -> None:
-    robot = wbc.load_robot("g1").robot()
-    zero = np.zeros(robot.na)
-
-    def measurement(i: int, time: float) -> Measurement:
-        return Measurement(
-            time, robot.half_sitting[7:] + 1e-4 * i, zero, np.zeros(3), np.array([0.0, 0.0, 9.81]), None
-        )
-
-    inlet = Inlet(robot, 0.004)
-    taken = [inlet.take(measurement(i, 0.0), 0.004 * i) for i in range(6)]
-    assert taken == [True, False, False, True, True, True]
-    assert not inlet.stamped and inlet.good is not None and inlet.good.time == pytest.approx(0.02)
-    stamped = Inlet(robot, 0.004)
-    again = measurement(1, 7.004)
-    copies = [copy.deepcopy(again) for _ in range(5)]
-    taken = [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, *copies)]
-    assert taken == [True, True, False, *[False] * 5]
-    assert stamped.stamped and stamped.good is not None and stamped.good.time == 7.004
 
 
 def leaning(robot: wbc.Robot, time: float, roll: float, pitch: float, load: float = 0.0) -> Measurement:
