@@ -261,9 +261,6 @@ class Journal:
     def __contains__(self, key: object) -> bool:
         return key in self.entries
 
-    def __len__(self) -> int:
-        return len(self.entries)
-
     def entry(self, spec: AnyTrialSpec) -> Entry | None:
         """Return the entry of a trial; None if it has not been run."""
         check_parts("a trial", spec, "kind", "to_json")

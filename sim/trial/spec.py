@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator
 
-from wbc.base.checked import checked
 from wbc.base.errors import choose, former_name
 from wbc.base.html import html_table
 from wbc.base.registry import reading_data
@@ -139,15 +138,12 @@ class TrialSpec:
         """Return the control mode when none is given; None for that of the robot's servos."""
         return None
 
-    @checked
-    def build(
-        self, observer: ObserverSettings | None = None, *, visuals: bool = True
-    ) -> tuple[Robot, Simulation, Observer]:
-        """Return the controller's robot, the loop, and an observer with some settings that knows the delays."""
+    def build(self, *, visuals: bool = True) -> tuple[Robot, Simulation, Observer]:
+        """Return the controller's robot, the loop, and an observer that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
         plant = self.simulation(description, foot=foot, seed=self.seed, visuals=visuals)
-        robot, settings = description.robot(), self.with_delays(observer or ObserverSettings())
+        robot, settings = description.robot(), self.with_delays(ObserverSettings())
         return robot, plant, Observer(robot, settings, adopt=self.chosen != "position")
 
     def simulation(self, description: RobotDescription, **options: Any) -> Simulation:

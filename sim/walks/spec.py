@@ -15,6 +15,7 @@ from wbc.base.settings import Angle, Changes, NonNegative, Number, Seed, as_chan
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import changed_foot, foot_changes
+from wbc.policy.joints import policy_columns
 from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
@@ -27,7 +28,7 @@ from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import Eyes, WalkTrialSettings, checked_changes, trial_settings
 from wbc.sim.walks.stiffness_policy import checked_policy
-from wbc.sim.walks.trained import check_trained, driven, sees, stamped_policy
+from wbc.sim.walks.trained import described, driven, sees
 from wbc.walking.plans.gait import Gait
 
 
@@ -121,7 +122,7 @@ class WalkSpec(TrialSpec):
         self._keep(robot=stamped(self.robot))
         load(self.robot).needs_feet("a walk")
         if self.trained is not None:
-            self._keep(trained=self._check_trained(stamped_policy(self.trained)))
+            self._keep(trained=self._check_trained(stamped_file(self.trained, "policy", ".toml")))
         elif self.guarded:
             raise InputError("a guard is for a trained policy: give trained, too")
         super().__post_init__()
@@ -161,8 +162,8 @@ class WalkSpec(TrialSpec):
                 )
 
     def _check_trained(self, name: str) -> str:
-        """Return the name of a policy with its hash; `InputError` for a walk that it cannot do."""
-        check_trained(name, load(self.robot).robot())
+        """Return the name of a policy with its hash; `InputError` for a walk or with a robot that it cannot do."""
+        policy_columns(load(self.robot).robot(), described(name).joints)
         driven(self.plan)
         for field_, is_, rule in (
             ("mode", self.mode not in (None, "torque"), "torque: its gains and targets are its own"),

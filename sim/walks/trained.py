@@ -9,34 +9,23 @@ from functools import lru_cache
 from itertools import pairwise
 
 from wbc.base.errors import InputError
-from wbc.base.files import file_of, stamped_file
+from wbc.base.files import file_of
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
-from wbc.policy.joints import policy_columns
 from wbc.sim.walks.plan import STEP_TIME, WalkPlan
 
 SPEED, START = 0.3, 1.0
 """Velocity of a walk over a distance, m/s, and the time of the stand before a walk, s."""
 
 
-def stamped_policy(name: str) -> str:
-    """Return the name of a policy's file with the hash of its content, and of the description beside it."""
-    return stamped_file(name, "policy", ".toml")
-
-
 @lru_cache(maxsize=16)
 def described(name: str) -> PolicyDescription:
     """Return the description of a policy, by the name of its file with the hash."""
     return PolicyDescription.of(file_of(name))
-
-
-def check_trained(name: str, robot: Robot) -> None:
-    """Raise an `InputError` for a policy that moves joints that the robot has not."""
-    policy_columns(robot, described(name).joints)
 
 
 def driven(plan: WalkPlan) -> WalkPlan:

@@ -89,18 +89,6 @@ def add_all(scan: GroundScan, places: np.ndarray, rays: np.ndarray, distances: n
     return sum(scan.add(p, r, d) for p, r, d in zip(places, rays, distances, strict=True))
 
 
-def test_a_scan_far_from_the_origin_is_the_same() -> None:
-    places, pitch = swing()
-    z = 0.01 * np.sin(40.0 * places[:, 0])
-    d = rays(0.0 * pitch)
-    near, far = GroundScan(), GroundScan()
-    shift = 20_000 * PROFILE_STEP  # 140 m, a whole number of cells
-    add_all(near, places, d, places[:, 2] - z)
-    add_all(far, places + [shift, 0.0, 0.0], d, places[:, 2] - z)
-    np.testing.assert_allclose(far.profile().x - shift, near.profile().x, atol=1e-9)
-    np.testing.assert_allclose(far.profile().z, near.profile().z, atol=1e-9)
-
-
 def test_readings_count_the_same_in_any_order() -> None:
     rng = np.random.default_rng(3)
     places, pitch = swing()
@@ -145,6 +133,7 @@ def test_points_of_a_profile_are_the_hits_at_its_samples(
     np.testing.assert_allclose(profile.lateral, aside, atol=1e-9)
     assert profile.coverage == 1.0
     assert profile.length == pytest.approx(39 * PROFILE_STEP)
+    assert profile.last(5.0) is profile
     end = profile.last(5.0 * PROFILE_STEP)
     np.testing.assert_allclose(end.points, hits[-6:], atol=1e-9)
     assert end.coverage == 1.0
@@ -215,16 +204,6 @@ def test_gaps_are_bridged_up_to_a_width_and_cut_beyond() -> None:
     whole = profile_of(x, hole, max_gap=0.5)
     assert whole.length > 0.38
     np.testing.assert_allclose(whole.z, 0.5 * whole.x, atol=1e-12)
-
-
-def test_the_end_of_a_profile_is_what_lies_ahead() -> None:
-    profile = scan_plane(0.0, 0.1).profile()
-    end = profile.last(0.14)
-    assert end.x[-1] == profile.x[-1]
-    assert end.length == pytest.approx(0.14)
-    assert profile.last(5.0) is profile
-    with pytest.raises(InputError, match="length"):
-        profile.last(0.0)
 
 
 @pytest.mark.parametrize("phalanges", [10, 7])

@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from properties import examples
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -130,32 +127,6 @@ def test_clusters_ascend_from_zero_or_above_and_hold_what_lies_between_their_end
     for edges in ((0.0, 4.0), (-1.0, 4.0, 8.0), (0.0, 4.0, 4.0), (0.0, 4.0, 3.0)):
         with pytest.raises(InputError):
             Clusters(edges)
-
-
-@pytest.mark.parametrize("kind", ["classification", "regression"])
-@given(seed=st.integers(0, 1000), count=st.integers(1, 6))
-@examples(25)
-def test_a_prediction_is_the_vote_or_the_mean_by_inverse_distance(kind: str, seed: int, count: int) -> None:
-    """Written out for one feature: distances in standard deviations, weights 1 / distance, the largest sum of votes."""
-    rng = np.random.default_rng(seed)
-    values = np.zeros((12, len(PARAMETERS)))
-    values[:, 1] = rng.uniform(0.001, 0.02, 12)
-    best, query = rng.choice([2.0, 6.0, 30.0, 78.0], 12), rng.uniform(0.0, 0.03)
-    settings = ModelSettings(("Sq",), count, kind=kind)  # type: ignore[arg-type]
-    fitted = StiffnessModel.fit(values, best, settings=settings)
-    asked = np.zeros(len(PARAMETERS))
-    asked[1] = query
-    distances = np.abs(values[:, 1] - query) / values[:, 1].std()
-    near = np.argsort(distances)[:count]
-    weights = 1.0 / distances[near]
-    votes = {k: weights[best[near] == k].sum() for k in (2.0, 6.0, 30.0, 78.0)}
-    mean = float(weights @ best[near] / weights.sum())
-    found = fitted.predict(asked)
-    expected = max(votes, key=votes.__getitem__) if kind == "classification" else mean
-    assert found.stiffness == pytest.approx(expected)
-    assert found.cluster == int(expected // 4.0) + 1
-    assert found.distance == pytest.approx(distances.min())
-    assert found.familiar == (distances.min() <= fitted.reach)
 
 
 def test_a_mean_of_neighbours_lies_between_them() -> None:

@@ -219,7 +219,6 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: plant().sole_pose("left"), "side of Plant.sole_pose"),  # type: ignore[arg-type]
         (lambda: plant().sole_pose(2), "side of Plant.sole_pose"),
         (lambda: PhysicsSettings().apply(plant().model), "spec of PhysicsSettings.apply"),  # type: ignore[arg-type]
-        (lambda: WalkSpec().build(3), "observer of WalkSpec.build"),  # type: ignore[arg-type]
         (lambda: study().titled([]), "part of Study.titled"),  # type: ignore[arg-type]
         (lambda: Journal(3), "path of Journal"),  # type: ignore[arg-type]
         (lambda: journal("entry", 3), "a trial must have kind and to_json"),

@@ -188,21 +188,15 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
         detector.fallen(q[:-1])
 
 
-def test_a_robot_whose_root_lies_on_the_ground_stands_and_its_camera_sees_the_ground() -> None:
+def test_a_robot_whose_root_lies_on_the_ground_stands() -> None:
     """The root of many descriptions is a `base_footprint` between the feet."""
     description = described("footprint")
     assert description.robot().half_sitting[2] < 0.0
-    camera = DepthCamera(noise=0.0, relative_noise=0.0, dropout=0.0, latency=0.0)
     plant = Plant(description, visuals=False)
     robot = description.robot()
     trial = Trial(plant, WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period))
     trial.advance(0.1)
     assert trial.fall is None and trial.true_fall() is None
-    (cloud,) = Plant(description, eyes=(camera,), visuals=False).clouds()
-    base = description.robot().placement(cloud.frame)
-    seen = cloud.points @ base.rotation.T + base.translation
-    assert len(seen) > 500 and np.abs(seen[:, 2]).max() < 0.01
-    assert seen[:, 0].min() > 0.1 and seen[:, 0].max() > 0.8
 
 
 def test_a_camera_on_a_base_that_lies_on_the_ground_is_above_it_at_the_height_of_the_com() -> None:

@@ -124,29 +124,6 @@ def test_studies_take_the_numbers_of_numpy_as_specs_do() -> None:
     assert [t.plain for t in Study.from_json(written).trials()] == [t.plain for t in study.trials()]
 
 
-@pytest.mark.slow
-def test_a_program_from_the_standard_input_runs_a_sweep(tmp_path: Path) -> None:
-    """Its processes cannot import it, and need not."""
-    program = """
-from sweep_trials import MadeUpTrial
-from wbc.sim.studies import Journal, sweep
-with Journal("j.jsonl") as journal:
-    print(sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=1).counts)
-"""
-    path = os.pathsep.join([*sys.path, str(Path(__file__).parents[1] / "support")])
-    done = subprocess.run(
-        [sys.executable, "-"],
-        check=False,
-        input=program,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    assert done.stdout.strip() == "{'done': 2}", done.stderr
-    assert set(by_number(tmp_path / "j.jsonl")) == {1, 2}
-
-
 def test_a_daemonic_process_is_told_to_give_an_executor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

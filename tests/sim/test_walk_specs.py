@@ -13,6 +13,7 @@ import pytest
 from properties import by_default
 
 from wbc.base.errors import InputError
+from wbc.base.files import stamped_file
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import terrain
@@ -22,7 +23,7 @@ from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.presets import over
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy
-from wbc.sim.walks.trained import driven, stamped_policy, turned
+from wbc.sim.walks.trained import driven, turned
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.gait import Gait
@@ -184,25 +185,20 @@ def test_what_steps_of_the_mode_do_not_have_is_refused_with_the_mode_that_has_it
         WalkSpec(plan=SHORT, **given)
 
 
-def test_rows_of_a_drive_that_cannot_be_are_told_by_their_number() -> None:
-    with pytest.raises(InputError, match="0.5 s in row 3 after 1 s"):
-        WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0)))
-
-
 def test_the_file_of_a_policy_is_known_by_its_content_and_that_of_its_description(tmp_path: Path) -> None:
     file = tmp_path / "walk.onnx"
     file.write_bytes(b"network")
-    alone = stamped_policy(str(file))
-    assert alone.startswith(f"{file}#") and stamped_policy(alone) == alone
+    alone = stamped_file(str(file), "policy", ".toml")
+    assert alone.startswith(f"{file}#") and stamped_file(alone, "policy", ".toml") == alone
     file.with_suffix(".toml").write_text("described", encoding="utf-8")
-    both = stamped_policy(str(file))
-    assert both != alone and stamped_policy(both) == both
+    both = stamped_file(str(file), "policy", ".toml")
+    assert both != alone and stamped_file(both, "policy", ".toml") == both
     file.write_bytes(b"another")
     for old in (alone, both):
         with pytest.raises(InputError, match="has changed"):
-            stamped_policy(old)
+            stamped_file(old, "policy", ".toml")
     with pytest.raises(InputError, match=r"none\.onnx"):
-        stamped_policy(str(tmp_path / "none.onnx"))
+        stamped_file(str(tmp_path / "none.onnx"), "policy", ".toml")
 
 
 def test_the_plan_of_a_trained_policy_is_its_velocity_after_a_second() -> None:
@@ -307,7 +303,8 @@ def test_parts_of_a_preset_stay_under_those_that_are_given_but_for_what_belongs_
 def test_a_trained_policy_has_the_eyes_that_it_needs_and_its_own_mode_and_gait(
     seeing: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "check_trained", lambda name, robot: None)
+    monkeypatch.setattr(module, "described", lambda name: types.SimpleNamespace(joints=()))
+    monkeypatch.setattr(module, "policy_columns", lambda robot, joints: None)
     monkeypatch.setattr(module, "sees", lambda name: seeing)
     blind = WalkSpec(plan=SHORT)
     for eyes in ("none", "depth", "toes"):

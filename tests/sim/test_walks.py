@@ -27,8 +27,7 @@ from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
-from wbc.walking.contact import Event
-from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.gait import Gait
 
 TWO_STEPS = WalkPlan(distance=0.1)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
@@ -224,42 +223,16 @@ def test_walks_the_plan(hooked: tuple[WalkResult, Notes, Work]) -> None:
 # Pushes and falls
 
 
-class Impulse(TrialHook):
-    """Adds up what the pushes do."""
-
-    def __init__(self) -> None:
-        self.total = np.zeros(3)
-        self.lift_off: float | None = None
-        self.first: float | None = None
-
-    def tick(self, tick: TrialTick) -> None:
-        force = tick.plant.data.xfrc_applied[:, :3].sum(axis=0)  # that of the period before
-        self.total += force * tick.plant.control_period
-        if self.first is None and force.any():
-            self.first = tick.plant.time - tick.plant.control_period
-        assert tick.control.reference is not None
-        if self.lift_off is None and Event.LIFT_OFF in tick.control.reference.progress.events:
-            self.lift_off = tick.plant.time
-
-
 @pytest.mark.slow
-def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
+def test_a_hard_push_is_a_fall() -> None:
     """Step 1 is of the left foot: a push to the left is one to the inside of the stance foot."""
-    hook = Impulse()
     push = WalkPush(impulse=0.9, direction=math.pi / 2, step=1, phase=0.3)
-    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none", pushes=(push,)), visuals=False)
-    result = trial.run([hook])
-    assert hook.total == pytest.approx([0.0, 0.9 * trial.plant.robot.mass, 0.0], rel=1e-9, abs=1e-9)
-    assert hook.first is not None and hook.lift_off is not None
-    gait = StepGait()
-    assert hook.first - hook.lift_off == pytest.approx(
-        0.3 * (gait.single_support + gait.double_support), abs=0.0051
-    )
+    result = walk(WalkSpec(plan=TWO_STEPS, noise="none", pushes=(push,)))
     assert result.outcome == "fell" and result.fell and result.fall is not None
     assert result.steps_done < result.steps_planned or result.seconds < 4.0
     assert result.fall_reason == result.fall.reason in {"dcm", "tilt", "height"}
     assert result.fall.cause == "left" and result.fall.dcm_outward < -0.06
-    assert hook.first < result.fall.onset < result.fall.time == result.seconds
+    assert result.fall.onset < result.fall.time == result.seconds
     assert result.fall.step == 1 and result.fall.phase == "single support"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,12 +68,6 @@ def _parts(most: int) -> tuple[Array, Array]:
     return part, part * GOLDEN % 1.0
 
 
-def _part(array: Any, chosen: NDArray[np.int64] | slice) -> Any:
-    """Return the chosen rows of an array."""
-    whole = isinstance(chosen, slice) or not array.flags.c_contiguous  # `take` would copy all of it
-    return array[chosen] if whole else array.take(chosen, axis=0)
-
-
 def _points(value: ArrayLike, turn: int) -> tuple[Array, int, NDArray[np.int64] | slice]:
     """Return the points that are taken of a cloud, as float64, their number in the whole cloud, and which they are.
 
@@ -88,7 +82,7 @@ def _points(value: ArrayLike, turn: int) -> tuple[Array, int, NDArray[np.int64] 
             )
         flat = np.asanyarray(value).ravel()
         chosen = spread(flat.size, SEEN, turn)
-        part = _part(flat, chosen)
+        part = flat[chosen]
         columns = [_numbers(f"field {axis} of a cloud", part[axis]) for axis in "xyz"]
         if any(column.ndim != 1 for column in columns):
             raise InputError("fields x, y and z of a cloud must be one number for each point")
@@ -98,7 +92,7 @@ def _points(value: ArrayLike, turn: int) -> tuple[Array, int, NDArray[np.int64] 
         more = "; leave out the columns after x, y and z" if array.ndim == 2 and array.shape[1] > 3 else ""
         raise InputError(f"points of a cloud must have shape (n, 3), got {array.shape}{more}")
     chosen = spread(len(array), SEEN, turn)
-    return _numbers("points of a cloud", _part(array, chosen)), len(array), chosen
+    return _numbers("points of a cloud", array[chosen]), len(array), chosen
 
 
 @checked
@@ -130,7 +124,7 @@ class PointCloud:
                 f"std of a cloud (m) must be a number or have shape ({count},), got shape {std.shape}"
             )
         each = std.shape == (count,)
-        std = _numbers("std of a cloud (m)", _part(std, chosen) if each else std)
+        std = _numbers("std of a cloud (m)", std[chosen] if each else std)
         finite = np.isfinite(points)
         if not finite.all():
             good = np.flatnonzero(finite[:, 0] & finite[:, 1] & finite[:, 2])
