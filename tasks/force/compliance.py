@@ -42,8 +42,6 @@ SMOOTHING = 0.02
 class ComplianceOptions(MotionOptions, total=False):
     """Options of tasks that yield to a wrench: those of motion tasks, a filter and bounds.
 
-    Weight 10 and stiffness 100 1/s² by default: the gain with which the frame follows its reference.
-
     Attributes:
         time_constant: Time constant of the low-pass on the wrench error, s; none when 0.
         velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
@@ -60,8 +58,9 @@ class ComplianceTask(FrameTask):
     """Base of motion tasks that yield to a wrench; derive a task with a law of your own in `comply`.
 
     The rows are along the axes of the frame itself: first position, m, then rotation, rad. Without a wrench error the
-    task is a `PoseTask` with rows along the axes of the frame. By default the weight is 10, the stiffness 100 1/s², the
-    time constant of the low-pass 0.02 s, and the velocity bound 0.1 m/s and 0.3 rad/s.
+    task is a `PoseTask` with rows along the axes of the frame. By default the weight is 10, the stiffness, with which
+    the frame follows its reference, 100 1/s², the time constant of the low-pass 0.02 s, and the velocity bound 0.1 m/s
+    and 0.3 rad/s.
     """
 
     __slots__ = (
@@ -424,14 +423,9 @@ class AdmittanceTask(ComplianceTask):
         admittance: ArrayLike,
         **options: Unpack[ComplianceOptions],
     ) -> None:
-        """Describe the task.
+        """Describe the task, as a `ComplianceTask` with an admittance along the axes of the frame.
 
-        Args:
-            frame: See `ComplianceTask`.
-            target: See `ComplianceTask`.
-            admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
-                m/(N s) and rad/(Nm s). For example, 1e-4 m/(N s) on ground of 1e5 N/m gives a rate of 10 1/s.
-            **options: See `ComplianceOptions`.
+        For example, 1e-4 m/(N s) on ground of 1e5 N/m gives a rate of 10 1/s.
         """
         super().__init__(frame, target, **options)
         self.admittance = admittance

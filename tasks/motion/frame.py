@@ -28,25 +28,6 @@ from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 
-def turn_about(rotation: Array, axes: Sequence[int]) -> Array:
-    """Return the part of a rotation about two axes, or about one, rad, shape (3,), whatever it is about the others.
-
-    About two axes, it is the least turn after which only one about the third axis is left: of roll and pitch, the
-    tilt. About one axis, it is the angle by which the rotation twists about it: of yaw, the heading.
-
-    Args:
-        rotation: Rotation matrix, shape (3, 3).
-        axes: Numbers of the axes.
-    """
-    if len(axes) == 2:
-        free = 3 - sum(axes)
-        return least_turn(rotation[free], np.eye(3)[free])
-    turn, axis = np.zeros(3), axes[0]
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn[axis] = math.atan2(rotation[j, i] - rotation[i, j], rotation[i, i] + rotation[j, j])
-    return turn
-
-
 class FrameTask(Task):
     """Base of tasks on a frame, whose target is a pose unless a task says otherwise.
 
@@ -78,9 +59,21 @@ class FrameTask(Task):
             self.target = target
 
     def _turn(self, rotation: Array) -> Array:
-        """Return the rotation vector of a rotation matrix about the axes of the task, rad, shape (3,)."""
+        """Return the rotation vector of a rotation matrix about the axes of the task, rad, shape (3,).
+
+        About two axes, it is the least turn after which only one about the third axis is left: of roll and pitch, the
+        tilt. About one axis, it is the angle by which the rotation twists about it: of yaw, the heading.
+        """
         axes = self._turned
-        return turn_about(rotation, axes) if 0 < len(axes) < 3 else np.asarray(pin.log3(rotation))
+        if len(axes) in (0, 3):
+            return np.asarray(pin.log3(rotation))
+        if len(axes) == 2:
+            free = 3 - sum(axes)
+            return least_turn(rotation[free], np.eye(3)[free])
+        turn, axis = np.zeros(3), axes[0]
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn[axis] = math.atan2(rotation[j, i] - rotation[i, j], rotation[i, i] + rotation[j, j])
+        return turn
 
     def bind(self, robot: Robot) -> None:
         """Resolve frame and joints."""

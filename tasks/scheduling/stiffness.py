@@ -177,17 +177,21 @@ class StiffnessScheduler:
         self.steps: deque[StepStiffness] = deque(maxlen=HISTORY)
         self.reset()
 
-    def check_robot(self, robot: Robot) -> None:
-        """Raise an `InputError` for a robot of another description than the one that the scheduler was made with."""
+    def begin(self, robot: Robot) -> None:
+        """Begin a walk with the present command; an `InputError` for a robot of another description than its own."""
         if list(robot.model.names) != list(self._model.names):
             raise InputError(
                 f"stiffness must be scheduled for the robot that walks, '{robot.name}', not for '{self._model.name}'"
             )
+        self._begin()
 
     def reset(self, stiffness: float | None = None) -> None:
         """Clear records and scan, and command a stiffness, Nm/rad; when None, that of the foot's description."""
         start = self.actuator.check(self._initial if stiffness is None else stiffness)
         self._command = np.full(len(SIDES), start)
+        self._begin()
+
+    def _begin(self) -> None:
         self._side: int | None = None
         self._count = 0
         self._record: StepStiffness | None = None

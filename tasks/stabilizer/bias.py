@@ -26,9 +26,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.base.vectors import Vector
 
-Bound = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
-"""A number of at least zero, or infinity."""
-
+Bound = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]  # or infinity
 
 DCM_STD, ZMP_STD, INITIAL_STD = 0.01, 0.05, 0.01
 """Noise of the measured DCM and of the ZMP that drives the pendulum; of the bias after a reset, m."""

@@ -132,7 +132,12 @@ class Stabilizer:
                 N and Nm; None for none.
         """
         rows = wrenches.tolist()
-        self._update_in_air(rows)
+        # Both feet without load are in the air; the first tick on the ground starts with an empty memory.
+        in_air = max(row[2] for row in rows) < self._gains.min_force
+        if self._in_air and not in_air:
+            self._feedback.reset()
+            self._wrench = None
+        self._in_air = in_air
         measured_zmp = self._measured_zmp(target, rows, soles, contact, outside)
         idle = self._in_air or math.isnan(measured_zmp[0])
         zmp = None if idle else measured_zmp  # that feedback and admittances go by
@@ -180,14 +185,6 @@ class Stabilizer:
     def _zmp_offset(self, outside: Array, zmp: Array) -> Array:
         """Return by how much an outside wrench moves the ZMP of the feet, shape (3,), m."""
         return np.array((*zmp_offset(outside, zmp, self.mass * GRAVITY), 0.0))
-
-    def _update_in_air(self, wrenches: Sequence[Vector]) -> None:
-        """Both feet without load are in the air; the first tick on the ground starts with an empty memory."""
-        in_air = max(row[2] for row in wrenches) < self._gains.min_force
-        if self._in_air and not in_air:
-            self._feedback.reset()
-            self._wrench = None
-        self._in_air = in_air
 
     def _measured_zmp(
         self,

@@ -200,6 +200,8 @@ def test_feet_take_turns_and_keep_what_they_have() -> None:
     ]
     np.testing.assert_array_equal(task.command, [50.0, 70.0])
     assert all(r.reached for r in task.steps)
+    task.begin(ROBOT)  # another walk
+    assert not task.steps and (task.command == [50.0, 70.0]).all()
 
 
 # --- scan -------------------------------------------------------------------------------------------------------------

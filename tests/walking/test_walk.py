@@ -428,22 +428,6 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
         assert time == pytest.approx(same, abs=1e-5) == pytest.approx(again, abs=1e-5)
 
 
-@pytest.mark.parametrize("first", ["left", "right"])
-def test_a_zmp_that_is_planned_inwards_leaves_less_room_outwards(first: str) -> None:
-    """Of a sole 76 mm wide with a margin of 10 mm and a ZMP 20 mm inwards: 8 mm outwards and 48 mm inwards."""
-    plan = walk_distance(START, 1.0, first=first)
-    swing, reach, target = swing_of(plan), Reach.of(ROBOT, HEIGHT), ZmpTarget(inward=0.02)
-    adjuster = StepAdjuster(HEIGHT, reach, target, AdjustmentSettings())
-    outwards = 1.0 if swing.landing.side == "left" else -1.0
-    grow = np.exp(OMEGA * (0.4 + 0.15))
-    for shift, stays in ((0.007, True), (0.02, False), (-0.02, True)):
-        error = 1j * outwards * shift * (grow - 1.0) / grow
-        landing, remaining = adjuster.adjust(swing, 0.4, swing.dcm(0.4) + error)
-        assert (landing is swing.landing and remaining == pytest.approx(0.4)) == stays
-        if not stays:
-            assert outwards * (landing.y - swing.landing.y) > 0.005 or remaining < 0.38
-
-
 def test_a_step_comes_as_early_as_it_may_and_lands_no_further_away_than_it_may() -> None:
     """50 ms from now; 0.15 m ahead and 0.12 m aside, within the reach of the legs."""
     reach = Reach.of(ROBOT, HEIGHT)

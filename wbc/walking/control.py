@@ -171,7 +171,7 @@ class WalkingControl(SteeredControl):
         )
         self.stiffness, self.ground = stiffness, ground
         if stiffness is not None:
-            stiffness.check_robot(robot)
+            stiffness.begin(robot)
         if ground is not None:
             ground.check_robot(robot)
             if walk.ground is None:

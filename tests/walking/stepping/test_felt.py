@@ -13,7 +13,6 @@ from placed_gait import CONSTANTS, DT, LEVEL, OMEGA, POINT, frame_of, gait_on
 from point_mass import SCALE
 from properties import examples
 
-from wbc.core.robot import GRAVITY
 from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.law import Divergent, StanceAxes
 
@@ -84,14 +83,6 @@ def test_the_middle_of_a_stand_is_the_com_along_the_path_and_the_middle_of_the_f
     for side in (-1.0, 1.0):
         axes = StanceAxes(side, gait.steering.direction, POINT)
         assert axes.outwards(x, y) == pytest.approx((forward @ (x, y), side * (left @ (x, y))), abs=1e-12)
-
-
-@pytest.mark.parametrize("height", [0.2, 0.6, 0.8])
-def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float) -> None:
-    """ξ = c + ċ √(h/g), of half the usual height at least."""
-    gait = gait_on(LEVEL, (0.1, -0.2, height + 0.05), (0.3, -0.4, 9.0))
-    root = math.sqrt(max(height, 0.5 * SCALE.height) / GRAVITY)
-    assert gait.felt.own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
 
 
 @pytest.mark.parametrize("phase", [GaitPhase.STANDING, GaitPhase.SINGLE])

@@ -70,16 +70,12 @@ Area = tuple[complex, complex, complex]
 
 
 class PreviewController:
-    """Planner of the pendulum over a horizon.
-
-    Attributes:
-        unsolved: Number of plans that keep their reference, because the QP was not solved; the first one is logged.
-    """
+    """Planner of the pendulum over a horizon; a plan whose QP is not solved keeps its reference, and is logged."""
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
-        self.height, self.omega, self.unsolved = height, natural_frequency(height), 0
+        self.height, self.omega = height, natural_frequency(height)
         self._room = {}
         for side, (length, width) in zip(SIDES, sizes, strict=True):
             if 2.0 * s.margin >= min(length, width):
@@ -162,11 +158,7 @@ class PreviewController:
             hessian, gradient, np.zeros((0, 2 * free)), high, low, np.zeros(2 * free, np.int32)
         )
         if flag <= 0:
-            if not self.unsolved:
-                logger.warning(
-                    "a preview was not solved (DAQP: %d): the plan does not begin with the DCM", flag
-                )
-            self.unsolved += 1
+            logger.warning("a preview was not solved (DAQP: %d): the plan does not begin with the DCM", flag)
             return
         for k, shift in enumerate((solved.view(complex) * axes).tolist(), start=1):
             points[k] += shift
