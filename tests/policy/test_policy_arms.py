@@ -158,7 +158,7 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
     )
     whole._carried.measured = lambda measurement: None  # type: ignore[method-assign]
     whole.controller.solve()
-    whole.controller._assembly._attainable.cut = lambda: None  # type: ignore[method-assign]
+    whole.controller._assembly._cut_demands = lambda: None  # type: ignore[method-assign]
     solve, changed, arms = filters._solve, 0, filters._columns
 
     def noted(measurement: wbc.Measurement, wish: np.ndarray, bounds: Any) -> np.ndarray:

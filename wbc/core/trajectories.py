@@ -1,13 +1,5 @@
 """Trajectories: the references of targets that move, and the polynomials and followers that they are made of.
 
-    minimum_jerk   share of the way between two rests, and its slope
-    Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
-    QuinticPath    quintics in a row, planned anew from any time on
-    Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
-    Ramp           value that goes to a goal along a quintic from rest to rest, or to a goal that changes on the way
-    Follower       value that follows a goal that may move, like a critically damped mass
-    approach       next velocity towards a goal that may move, with bounded speed and acceleration
-
 Swing feet, hands, the height of the pendulum and `move_to` of every task use these and no others.
 """
 

@@ -125,7 +125,7 @@ class VelocityAssembly(RowStore):
         for limit, matrix, lower, upper in self._limits:
             limit.write_velocity(self._dt, matrix, lower, upper)
         if self._demands:
-            self._attainable.cut()
+            self._cut_demands()
 
     def _take_gains(self) -> None:
         """Compute what follows from rates, weights and bounds."""

@@ -1,8 +1,4 @@
-"""Limits of joints: positions, velocities, accelerations and torques.
-
-Position, velocity and acceleration bounds of a joint are merged into one interval of its acceleration, which is
-never empty. A joint that starts outside its limits is brought back instead of making the QP infeasible.
-"""
+"""Limits of joints: positions, velocities, accelerations and torques."""
 
 from __future__ import annotations
 
@@ -105,6 +101,8 @@ def stopping_velocity(distance: Array, braking: Array, dt: float) -> Array:
 
 class JointLimits(Barrier):
     """Bounds of the position, velocity and acceleration of every actuated joint, as one interval of its acceleration.
+
+    The interval is never empty. A joint that starts outside its limits is brought back.
 
     In inverse kinematics they are an interval of its velocity. There the accelerations are bounded, and braking
     distances are kept, only if `acceleration` or `braking` is given.

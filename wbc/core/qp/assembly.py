@@ -103,7 +103,7 @@ class Assembly(RowStore):
             for part, force in ((slice(0, base), self._base_force), (slice(base, nv), self._joint_force))
         ]
         self._torque_lower, self._torque_upper = p.lower[self._torques], p.upper[self._torques]
-        self._single = [(p.lower[rows], p.upper[rows]) for rows in (self._torques, self._joints)]
+        self._of_joints = [(p.lower[rows], p.upper[rows]) for rows in (self._torques, self._joints)]
         self._stored = slice(self._start, p.target.size)
         self._matrix, self._references = p.rows[self._stored, :nv], self.targets[self._start :]
         self._velocity = np.zeros(self._references.size)
@@ -234,11 +234,11 @@ class Assembly(RowStore):
         for limit, matrix, lower, upper in self._limits:
             limit.write(dt, matrix, lower, upper)
         if released is not None:
-            for lower, upper in self._single:
+            for lower, upper in self._of_joints:
                 if lower.size:
                     lower[released.index], upper[released.index] = -np.inf, np.inf
         if self._demands:
-            self._attainable.cut()
+            self._cut_demands()
 
     def kept(
         self, torques: Array, dt: float, previous: Array | None, released: ReleasedJoints | None

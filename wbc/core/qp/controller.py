@@ -237,27 +237,26 @@ class Controller(Items):
         before, differed = self._before
         if not (wrenches or differed):
             return solution.torques
-        torques = self._with(solution, wrenches) if wrenches else solution.torques
+        torques = solution.torques
+        if wrenches:
+            x, columns = solution.variables.copy(), solution.layout.contacts
+            for name, wrench in wrenches.items():
+                if name not in columns:
+                    unknown_name("contact", name, columns)
+                place = columns[name]
+                if np.asarray(wrench).shape != (place.stop - place.start,):
+                    raise InputError(
+                        f"wrench of contact '{name}' must have shape ({place.stop - place.start},), got "
+                        f"{np.shape(wrench)}"
+                    )
+                x[place] = wrench
+            if not math.isfinite(x.dot(x)):
+                raise InputError(f"wrenches of contacts must be finite, got {shown(wrenches)}")
+            problem = self._assembly.problem
+            torques = np.asarray(problem.torque_matrix.dot(x) + problem.torque_bias)
         torques = self._assembly.kept(torques, self.dt, before, self.released)
         self._commanded = torques, bool(wrenches) or bool((torques != solution.torques).any())
         return torques
-
-    def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
-        """Return the torques of the motion of a solution with other wrenches."""
-        x, columns = solution.variables.copy(), solution.layout.contacts
-        for name, wrench in wrenches.items():
-            if name not in columns:
-                unknown_name("contact", name, columns)
-            place = columns[name]
-            if np.asarray(wrench).shape != (place.stop - place.start,):
-                raise InputError(
-                    f"wrench of contact '{name}' must have shape ({place.stop - place.start},), got {np.shape(wrench)}"
-                )
-            x[place] = wrench
-        if not math.isfinite(x.dot(x)):
-            raise InputError(f"wrenches of contacts must be finite, got {shown(wrenches)}")
-        problem = self._assembly.problem
-        return np.asarray(problem.torque_matrix.dot(x) + problem.torque_bias)
 
     def _rebuild(self) -> None:
         """Make QP and solver of what the controller has now."""

@@ -144,8 +144,10 @@ class RowStore:
             cones += [f"{what} of {each.name}"] * len(each.ranged)
         self.names = (*torques, *joints, *cones, *self._place_limits(many, self._others.start))
         bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
-        demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
-        self._attainable = Attainable(*demanding, bounds, ATTAINABLE if dynamics else BACK)
+        # Limits on many joints, intervals of single ones, which are the last coordinates, and what is asked of each.
+        self._asking = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
+        self._single, self._most = bounds, (ATTAINABLE if dynamics else BACK) / SHARE
+        self._low, self._high = np.full((2, nv), [[-self._most], [self._most]])
         self._demands = bool(many)
         p.yielding[self._others], p.yielding[self._joints] = 1, 2
 
@@ -289,6 +291,28 @@ class RowStore:
             pull = self._selected_weight * self._selected_target
             self._linear[:] = np.bincount(self._columns, pull, self._linear.size)
 
+    def _cut_demands(self) -> None:
+        """Cut off what limits on many joints demand, of which there is a row at least, at what the joints attain.
+
+        A row of a limit that is violated demands a motion. The joints may be too slow for it, or at their own bounds.
+        Then the row demands what they attain, so that it contradicts no interval of a joint.
+        """
+        (rows, lower, upper), low, high = self._asking, self._low, self._high
+        # Where a joint must move, all rows may need all others.
+        moved = self._single is not None and demands(*self._single)
+        if not (moved or demands(lower, upper)):
+            return
+        if self._single is not None:
+            least, most = self._single
+            joints = slice(low.size - least.size, None)
+            low[joints] = np.maximum(least, np.minimum(most, -self._most))
+            high[joints] = np.minimum(most, np.maximum(least, self._most))
+        chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
+        rows = rows[chosen]
+        middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
+        lower[chosen] = np.minimum(lower[chosen], middle + reach)
+        upper[chosen] = np.maximum(upper[chosen], middle - reach)
+
     # ---- results ------------------------------------------------------------------------------------------------
 
     def residuals(self, x: Array, values: Array, targets: Array) -> Array:
@@ -329,46 +353,3 @@ class RowStore:
             if not (np.isfinite(target).all() and np.isfinite(block.jacobian).all()):
                 found[f"{'hard ' * task.hard}task '{task.name}'"] = float("nan")
         return found
-
-
-class Attainable:
-    """Demands of limits on many joints, cut off at what the intervals of single joints allow.
-
-    A row of a limit that is violated demands a motion. The joints may be too slow for it, or at their own bounds. Then
-    the row demands what they attain, so that it contradicts no interval of a joint.
-    """
-
-    def __init__(
-        self, rows: Array, lower: Array, upper: Array, joints: tuple[Array, Array] | None, fastest: float
-    ) -> None:
-        """Prepare for rows with bounds, and for intervals of the joints, if any; all are views that others fill.
-
-        Args:
-            rows: Rows of limits on many joints, shape (n, nv).
-            lower: Their lower bounds, shape (n,).
-            upper: Their upper bounds, shape (n,).
-            joints: Lower and upper bounds of each joint, shapes (na,); they belong to the last coordinates.
-            fastest: What a limit asks of each coordinate at most, whatever its bounds allow.
-        """
-        self._rows, self._lower, self._upper = rows, lower, upper
-        self._bounds, self._most = joints, fastest / SHARE
-        self._low, self._high = np.full((2, rows.shape[1]), [[-self._most], [self._most]])
-
-    def cut(self) -> None:
-        """Cut the demands of all rows off; there is at least one row."""
-        lower, upper = self._lower, self._upper
-        # Where a joint must move, all rows may need all others.
-        moved = self._bounds is not None and demands(*self._bounds)
-        if not (moved or demands(lower, upper)):
-            return
-        low, high = self._low, self._high
-        if self._bounds is not None:
-            least, most = self._bounds
-            joints = slice(low.size - least.size, None)
-            low[joints] = np.maximum(least, np.minimum(most, -self._most))
-            high[joints] = np.minimum(most, np.maximum(least, self._most))
-        chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
-        rows = self._rows[chosen]
-        middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
-        lower[chosen] = np.minimum(lower[chosen], middle + reach)
-        upper[chosen] = np.maximum(upper[chosen], middle - reach)

@@ -1,11 +1,8 @@
 """Solver of a tick's QP: a ladder of methods, of which the first nearly always succeeds.
 
-The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; DAQP with costs that are
-all alike, for any point that satisfies the constraints. If there is one, DAQP solves without a guess, or with the small
-costs raised. If there is none, DAQP solves a relaxed problem: limits of the robot give way, and hard tasks and contact
-motion if asked for. No solution is used unless its primal residual, computed here, is small: ProxQP, which the settings
-may name in place of the ladder, has been seen to report PROXQP_SOLVED with a residual of 890
-(WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+The methods are those of `Status`; `QpSolver._rescue` has the order of the last ones. No solution is used unless its
+primal residual, computed here, is small: ProxQP, which the settings may name in place of the ladder, has been seen to
+report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
