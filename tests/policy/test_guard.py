@@ -14,7 +14,7 @@ from properties import by_default
 
 import wbc
 from wbc.app import Log, Recorder
-from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError
 from wbc.policy import PolicyControl, PolicyDescription, PolicyGuard, Term
 from wbc.walking import WalkingControl, WalkingControlSettings
 
@@ -174,24 +174,30 @@ def test_joints_that_somebody_else_moves_are_no_reason_to_relieve_a_policy() -> 
     assert "left_elbow_joint" in guard.relieved
 
 
-def test_joints_that_policy_or_walk_refuses_are_released_by_neither() -> None:
+def test_joints_that_policy_or_walk_refuses_are_released_by_neither_and_what_was_told_stays() -> None:
     _, guard, _ = guarded()
-    right, left = (G1.joint_names.index(f"{side}_elbow_joint") for side in ("right", "left"))
-    both = guard.policy.drives, guard.walking.drives
-    guard.release([G1.joint_names[right]])
+    right, left = (f"{side}_elbow_joint" for side in ("right", "left"))
+    released, others = guard.release([right]), guard.walking.drives.released
     arm = guard.walking.arms["left_hand"]
     arm.reach(guard.drives.observer.robot.placement(arm.name))
-    with pytest.raises(InputError, match="at work"):
-        guard.release([G1.joint_names[joint] for joint in arm.joints])
-    assert [drives.released.index.tolist() for drives in both] == [[right], [right]]
-    with pytest.raises(UnknownNameError):
-        guard.release([G1.joint_names[right], "left_elbow"])
-    assert [drives.released.index.tolist() for drives in both] == [[right], [right]]
+    whole = [G1.joint_names[joint] for joint in arm.joints]
+    for names, error in (
+        (whole, "at work"),
+        ([right, "left_elbow"], "left_elbow"),
+        ([left, left], "distinct"),
+        (["left_knee_joint"], "legs"),
+    ):
+        with pytest.raises(InputError, match=error):
+            guard.release(names)
+        assert guard.drives.released is released and guard.walking.drives.released is others
 
-    shared = PolicyGuard(bobbing(arms=[G1.joint_names[left]])[1])
-    with pytest.raises(InputError, match="shared"):
-        shared.release([G1.joint_names[right]])
-    assert shared.walking.drives.released is None
+    shared = PolicyGuard(bobbing(arms=[left])[1])
+    shared.walking.release([right])
+    mine = shared.walking.drives.released
+    for joint in (left, right):
+        with pytest.raises(InputError, match="shared"):
+            shared.release([joint])
+        assert shared.walking.drives.released is mine
 
 
 @pytest.mark.slow
@@ -306,23 +312,6 @@ def test_a_walk_with_a_robot_of_its_own_takes_over_where_the_estimate_is() -> No
     estimate = policy.drives.observer.robot
     assert np.abs(own.q - estimate.q).max() < 1e-12
     assert np.abs(command.joint_position - estimate.q[7:]).max() < 0.01
-
-
-def test_a_release_that_is_refused_leaves_what_was_told() -> None:
-    _, guard, _ = guarded()
-    right, left = (f"{side}_elbow_joint" for side in ("right", "left"))
-    released = guard.release([right])
-    others = guard.walking.drives.released
-    for names in ([left, left], ["left_knee_joint"], ["no joint"]):
-        with pytest.raises(InputError):
-            guard.release(names)
-        assert guard.drives.released is released and guard.walking.drives.released is others
-    shared = PolicyGuard(bobbing(arms=[left])[1])
-    shared.walking.release([right])
-    mine = shared.walking.drives.released
-    with pytest.raises(InputError, match="shared"):
-        shared.release([left])
-    assert shared.walking.drives.released is mine
 
 
 @pytest.mark.parametrize("breaks", [None, break_by_nan, break_by_torques])

@@ -47,20 +47,7 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
     ],
 )
 def test_a_press_is_held(example: Example, on: str, force: float, robot: str, mode: str) -> None:
-    words = (
-        "--on",
-        on,
-        "--force",
-        str(force),
-        "--robot",
-        robot,
-        "--seed",
-        "201",
-        "--hold",
-        "3",
-        "--mode",
-        mode,
-    )
+    words = f"--on {on} --force {force} --robot {robot} --seed 201 --hold 3 --mode {mode}".split()
     result = run(example("press"), *words)
     assert result["mean_N"] == pytest.approx(force, rel=0.015) and result["steady"] == 1.0
     assert not result["lost"]
