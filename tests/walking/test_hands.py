@@ -190,7 +190,7 @@ def test_hands_without_orders_have_nothing_in_the_qp() -> None:
 def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> None:
     """It is never nearer to the surface than at the end, once it moves along it, and it moves from rest to rest."""
     walking, hands = standing(reach_time=1.0)
-    hand, tick = hands.all["left_hand"], carry(walking, "left_hand")
+    hand, tick = hands.all["left_hand"], ticks_of(walking, follows=True)
     start, direction = hand.arm.place.translation.copy(), np.array(along)
     hands.press("left_hand", 5.0, along, at=at, firm=True)
     end, places, rates = hand.arm.target.translation, [start], []
@@ -202,6 +202,7 @@ def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> 
     places, rates = places[:-1], rates[:-1]  # the last tick begins the approach
     way = np.array(places) - end
     nearer = way @ direction
+    nearer_at_start = nearer[0]
     moved = np.linalg.norm(way - way[0] - np.outer(nearer - nearer[0], direction), axis=1)
     assert hand.state is HandState.APPROACH and 200 <= len(rates) <= 202
     assert np.abs(moved[nearer > 1e-9]).max(initial=0.0) < 1e-9
@@ -210,6 +211,16 @@ def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> 
     np.testing.assert_allclose(middles, np.diff(places, axis=0)[1:] / 0.005, atol=0.01)
     assert np.linalg.norm(rates[0]) < 0.01 and np.linalg.norm(rates[-1]) < 1e-9
     np.testing.assert_allclose(hand.arm.task.target.rotation @ hand.arm.axis(), direction, atol=1e-9)
+    hands.release("left_hand")  # it goes back by the way it came, and to its posture then
+    back = []
+    while hand.arm.target is not None:
+        tick()
+        back.append(hand.arm.task.target.translation - end)
+    nearer = np.array(back) @ direction
+    beside = np.array(back) - np.outer(nearer, direction)
+    off = [np.linalg.norm(beside - there, axis=1) for there in (0.0, way[0] - nearer_at_start * direction)]
+    assert np.minimum(*off)[nearer > 1e-3].max(initial=0.0) < 1e-3
+    np.testing.assert_allclose(back[-1], start - end, atol=2e-3)
 
 
 def carry(walking: WalkingControl, name: str) -> Callable[..., None]:

@@ -111,6 +111,7 @@ class Arm:
         self.task.scale = 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self._led = False  # to the controller; by a hand that presses, grips, or is on its way
+        self._leaves = False  # goes back to its posture at the end of its way
         self.within = WORLD
         self._way = HandWay(settings.speed, settings.acceleration, self._dt)  # in the frame of the target
         self._there = pin.SE3(self.place)  # its reference in the world
@@ -166,7 +167,7 @@ class Arm:
     def check_idle(self) -> None:
         """Raise an `InputError` for an arm that no hand may lead: it has a target of its own, or is released."""
         self._check_own()
-        if self._way.goal is not None and not self._led:
+        if self._way.goal is not None and not (self._led or self._leaves):
             raise InputError(
                 f"{self.name} must have no target when it presses or grips: arms['{self.name}'].release() takes the "
                 "one it has"
@@ -218,6 +219,11 @@ class Arm:
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
         return self._way.moving
+
+    @property
+    def stops(self) -> int:
+        """Number of poses on its way that the reference has not reached yet, where it goes in a time."""
+        return len(self._way.moves)
 
     @property
     def speed(self) -> float:
@@ -273,8 +279,12 @@ class Arm:
         self._check_not_led(f"release of '{self.name}'")
         self._fade()
 
-    def leave(self) -> None:
-        """Let the arm go back to its posture, from where it is: no hand leads it any more."""
+    def leave(self, back: Route | None = None) -> None:
+        """Let the arm go back to its posture, by a route if there is one: no hand leads it any more."""
+        if back is not None:
+            self.send(back, led=False)
+            self._leaves = True
+            return
         self.stop(PELVIS)
         self._led = False
         self._fade()
@@ -297,7 +307,7 @@ class Arm:
             self._there = pin.SE3(self.place)
             self.yield_to(REST, REST)
             self.task.reset()
-        self.within, self._led = route.frame, led
+        self.within, self._led, self._leaves = route.frame, led, False
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
         self._weigh()
@@ -343,6 +353,9 @@ class Arm:
         turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
         self._way.advance(pace)
+        if self._leaves and not self.moving:
+            self._leaves = False
+            self._fade()
         there, velocity, rate = self._way.place.copy(), self._way.velocity, self._way.acceleration
         if self.within != WORLD:
             there, velocity, rate = carried(self._frames.now(self.within), there, velocity, rate)

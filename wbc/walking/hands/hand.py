@@ -62,6 +62,9 @@ slow one shifts the CoM for hands that grip, and is the feed-forward of their ar
 LEAST_WAY = 0.01
 """Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
 
+LEAVING = (0.5, 0.2)
+"""Time, s, and mean speed beside it, m/s, in which a hand that lets go leaves a surface."""
+
 SAME_WAY = (0.02, 0.1)
 """Change of a place, m, and of a direction, rad, up to which a hand that is on its way goes on as it does: orders by a
 camera change in every tick. Once it is there, it goes on to the last order."""
@@ -178,6 +181,8 @@ class Hand:
         self._then = HandState.HOLD  # what it is to do once it is there
         self._at: Array | None = None  # place of the order, m
         self._to: Array | None = None  # the same of its way, which has the direction `_came`
+        # Places back to where it came from, as seen from the feet, and times from each to the next, s.
+        self._back: tuple[list[pin.SE3], list[float]] | None = None
         self._begin(HandState.FREE)
 
     def _begin(self, state: HandState) -> None:
@@ -255,6 +260,7 @@ class Hand:
         self._begin(HandState.REACH)
         self.direction, self._came, self.ordered, self._then = direction, direction, force, then
         self._at = self._to = at
+        self._back = None
         if at is None:
             self._search(pin.SE3(self.arm.place))
         else:
@@ -286,6 +292,8 @@ class Hand:
             stops = [(share, corner), (1.0 - share, end)]
         durations = [part * self._settings.reach_time for part, _ in stops]
         self.arm.send(Route([place for _, place in stops], WORLD, TURN, durations))
+        back = [place for _, place in stops[::-1]]
+        self._back = [self.arm.seen(FEET, place) for place in (*back, start)], [0.0, *durations[::-1]]
 
     def _search(self, start: pin.SE3) -> None:
         """Approach the surface from a place in the world."""
@@ -406,6 +414,17 @@ class Hand:
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:
-        """Let the arm go back to its posture, from where it is."""
+        """Let the arm go back to its posture: by the way it came to a surface, so that it does not go through it."""
+        route, arm = None, self.arm
+        if self._then is HandState.HOLD and self._back is not None:
+            (places, times), passed = self._back, 0
+            if self.state is HandState.REACH:
+                passed = max(1, arm.stops)
+            else:
+                times[0] = (
+                    LEAVING[0] + math.dist(places[0].translation, arm.seen(FEET).translation) / LEAVING[1]
+                )
+            route = Route(places[passed:], FEET, TURN, times[passed:])
+        self._back = None
         self._begin(HandState.FREE)
-        self.arm.leave()
+        arm.leave(route)
