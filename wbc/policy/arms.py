@@ -50,7 +50,6 @@ class Carried(Contact):
     usual: ClassVar[ContactOptions] = {"stiffness": 0.0, "damping": 0.0, "wrench_weight": 1e-9}
 
     def __init__(self, robot: Robot, dt: float) -> None:
-        """Carry the robot at its IMU."""
         super().__init__("carried by the policy", robot.imu_frame, np.zeros((0, 6)))
         self.acceleration = np.zeros(6)
         self._dt = dt

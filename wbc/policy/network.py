@@ -68,8 +68,6 @@ class OnnxNetwork(Network):
     `joint_vel` and an orientation are that frame: the convention of whole_body_tracking and of holosoma.
 
     Attributes:
-        inputs: Number of values of an observation.
-        outputs: Number of values of an action.
         metadata: Metadata of the file, key → text.
         took: Least time of three actions, s.
         holds_motion: True for a network with a motion in it.

@@ -51,7 +51,6 @@ class Tracked:
     """
 
     def __init__(self, robot: Robot, anchor: str, frames: Frames) -> None:
-        """Take the estimated robot, the name of the anchor, and the frames."""
         self._robot, self._anchor, self._frames, self.playing = robot, anchor, frames, True
         robot.frame_id(anchor)
         self.begin()
@@ -121,7 +120,6 @@ class ScannedGround:
     """Known ground about a robot, as a height scan sees it; where nothing is known it is as high as the lower sole."""
 
     def __init__(self, robot: Robot, scan: HeightScan, ground: KnownGround) -> None:
-        """Make the grid."""
         self._robot, self._ground, self._offset = robot, ground, scan.offset
         self._frame = robot.base_frame if scan.frame is None else scan.frame
         robot.frame_id(self._frame)

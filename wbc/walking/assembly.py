@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,11 +99,13 @@ def planned_walk(
 
 
 def tune(control: DriveControl, source: ReferenceSource) -> None:
-    """Tune the estimate and the detector of falls to the steps of a source."""
-    free, observer = isinstance(source, SteppingWalk), control.observer
-    control.dcm_limit = FREE if free else PLANNED
-    if free:
-        observer.retune(_tuned(ON_POINTS, observer.inertial.settings))
+    """Tune the detector of falls to the steps of a source, and time constants that are the defaults."""
+    control.dcm_limit = PLANNED
+    if isinstance(source, SteppingWalk):
+        control.dcm_limit = FREE
+        given, usual = vars(control.observer.inertial.settings), vars(InertialSettings())
+        own = {name: value for name, value in given.items() if value != usual[name]}
+        control.observer.retune(replace(ON_POINTS, **own))
 
 
 def tasks_of(controller: Controller, source: ReferenceSource, settings: WalkingControlSettings) -> WalkTasks:
@@ -120,12 +122,3 @@ def height_of(robot: Robot, source: ReferenceSource) -> float:
         return source.com_height
     left, right = (float(robot.placement(sole.frame).translation[2]) for sole in robot.soles)
     return float(robot.com[2]) - 0.5 * (left + right)
-
-
-def _tuned(own: InertialSettings, given: InertialSettings) -> InertialSettings:
-    """Return time constants of steps, but those that are given and not the defaults."""
-    usual = InertialSettings()
-    set_ = {
-        f.name: value for f in fields(given) if (value := getattr(given, f.name)) != getattr(usual, f.name)
-    }
-    return replace(own, **set_)

@@ -27,9 +27,6 @@ from wbc.walking.load import HeldLoad
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
 
-BOTH = True, True
-"""Contacts of a stand."""
-
 
 class Balance:
     """Balance of one robot by the stabilizer.
@@ -114,7 +111,7 @@ class Balance:
             bias=None if self.bias is None else self.bias.bias,
             outside=outside,
         )
-        before = BOTH if last is None else last.progress.contact
+        before = (True, True) if last is None else last.progress.contact
         for side in (0, 1):
             if contact[side] != before[side]:
                 stabilizer.feet.reset(side)

@@ -64,7 +64,6 @@ from wbc.walking.plans.sources import (
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl
-from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
 
 START_ROOM = (0.1, 0.1, 0.4)
@@ -389,12 +388,6 @@ class WalkingControl(SteeredControl):
 
     # ---- what is asked of the robot -----------------------------------------------------------------------------
 
-    def _steering(self) -> Steering:
-        """Return what steers the source; an `InputError` for a source that cannot be steered."""
-        if self.source.steering is None:
-            raise InputError(self.source.unsteered)
-        return self.source.steering
-
     @property
     def velocity(self) -> Velocity | None:
         """Commanded velocity of the robot: forward (m/s), to the left (m/s) and turn (rad/s).
@@ -410,8 +403,7 @@ class WalkingControl(SteeredControl):
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        wanted = checked_velocity(velocity)
-        self._order(wanted)
+        self._order(checked_velocity(velocity))
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -464,7 +456,9 @@ class WalkingControl(SteeredControl):
         footsteps: FootstepPlan | FootstepSource | None = None,
     ) -> None:
         """Walk to a goal, by footsteps, or with a velocity."""
-        steering, source = self._steering(), self.source
+        source, steering = self.source, self.source.steering
+        if steering is None:
+            raise InputError(source.unsteered)
         order: object = (velocity, goal) if footsteps is None else footsteps
         if order is self._asked or (not isinstance(order, FootstepSource) and order == self._asked):
             self.stopped = False

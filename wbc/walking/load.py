@@ -94,11 +94,7 @@ class HeldLoad:
     @property
     def middle(self) -> Array:
         """Middle of the hands in the world, shape (3,), m."""
-        return np.array(self._middle())
-
-    def _middle(self) -> list[float]:
-        points = [place.translation.tolist() for place in self._places]
-        return [sum(point[axis] for point in points) / len(points) for axis in range(3)]
+        return np.asarray(sum(place.translation for place in self._places) / len(self._places))
 
     @property
     def place(self) -> Array:
@@ -115,7 +111,7 @@ class HeldLoad:
         s, robot, outside = self.settings, self._robot, self._outside
         if not outside.ready:
             return
-        middle = self._middle()
+        middle = self.middle.tolist()
         wrench, heading = outside.wrench, direction(self._robot.data.oMi[1].rotation)
         mx, my, _ = moment_about(wrench, robot.com.tolist(), middle)
         gain = lag_gain(dt, LAG if self.changing else REST_LAG)

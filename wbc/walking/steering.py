@@ -27,7 +27,6 @@ class Steering:
     """
 
     def __init__(self, limits: VelocityLimits, near: float, extent: Extent | None = None) -> None:
-        """Stand."""
         self.limits, self.near, self.extent = limits, near, extent
         self.target: Velocity | None = None
         self.goal: Place | None = None

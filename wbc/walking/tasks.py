@@ -84,7 +84,6 @@ class WalkTasks:
     """
 
     def __init__(self, controller: Controller, table: TaskTable) -> None:
-        """Add all to a controller."""
         robot, self.table = controller.robot, table
         self.contacts, self.com, self.posture = table.contacts, table.com, table.posture
         self._urgency, self._swing_scale = 0.0, np.ones(6)

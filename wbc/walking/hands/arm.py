@@ -85,7 +85,6 @@ class Arm:
     def __init__(
         self, controller: Controller, name: str, settings: ArmSettings, frames: TargetFrames
     ) -> None:
-        """Leave the arm to the posture."""
         self._controller, self._robot, self._dt = controller, controller.robot, controller.dt
         robot, self._frames = controller.robot, frames
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]

@@ -42,7 +42,6 @@ class TargetFrames:
     """
 
     def __init__(self, controller: Controller) -> None:
-        """Begin without objects."""
         self._controller, self._robot = controller, controller.robot
         self._base = self._robot.frame_id(self._robot.base_frame)
         self._pelvis = self._robot.placement(self._base)
