@@ -305,54 +305,23 @@ class LookAtTask(FrameTask):
     velocity v sees the point in another direction.
     """
 
-    __slots__ = ("_axis", "_followed", "_followed_id")
+    __slots__ = ("_axis",)
     unit = "rad"
 
     def __init__(
         self,
         frame: str,
-        target: ArrayLike | str | None = None,
+        target: ArrayLike | None = None,
         *,
         axis: ArrayLike = (1.0, 0.0, 0.0),
         **options: Unpack[MotionOptions],
     ) -> None:
-        """Describe the task.
+        """Describe the task; the axis of the frame has shape (3,) and any length.
 
-        Args:
-            frame: Frame of the robot.
-            target: Point in the world, shape (3,), m, or a frame of the robot that it follows, such as a hand. When
-                None, it is the point 1 m away along the axis.
-            axis: Axis of the frame, shape (3,), of any length.
-            **options: See `MotionOptions`.
+        The target is a point in the world, shape (3,), m; when None, it is the point 1 m away along the axis.
         """
         self._axis = unit_vector(f"axis of '{frame}'", axis)
-        self._followed: str | None = target if isinstance(target, str) else None
-        self._followed_id: int | None = None
-        point = None if isinstance(target, str) else target
-        super().__init__(frame, "gaze", ROTATION_AXES, point, options)
-
-    @property
-    def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow.
-
-        The point of a frame that is followed may be assigned as it is read: the frame is followed on.
-        """
-        if self._followed_id is not None:
-            return read_only(self._data.oMf[self._followed_id].translation)
-        point: Array = super().target
-        return point
-
-    @target.setter
-    def target(self, value: ArrayLike | str) -> None:
-        if isinstance(value, str):
-            followed = None if self._robot is None else self._robot.frame_id(value)
-            self._take_over()
-            self._followed, self._followed_id = value, followed
-            return
-        if self._followed_id is not None and np.may_share_memory(value, self.target):
-            return
-        FrameTask.target.fset(self, value)  # type: ignore[attr-defined]
-        self._followed = self._followed_id = None
+        super().__init__(frame, "gaze", ROTATION_AXES, target, options)
 
     def present(self, robot: Robot) -> Array:
         """Return the point 1 m away along the axis, shape (3,), m."""
@@ -363,15 +332,7 @@ class LookAtTask(FrameTask):
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._followed = self._followed_id = None
-        self._target = np.array(
-            target
-        )  # no feed-forward: it would need the distance, and a gaze moves slowly
-
-    def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`."""
-        super().bind(robot)
-        self._followed_id = None if self._followed is None else robot.frame_id(self._followed)
+        self._target = np.array(target)  # no feed-forward: it needs the distance, and a gaze moves slowly
 
     def _used_joints(self, robot: Robot) -> Sequence[str] | None:
         """Return the joints of the option `joints`, or those between base and frame, if there are any."""
@@ -381,19 +342,13 @@ class LookAtTask(FrameTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""
         model, data, frame, world = self._model, self._data, self._id, self._world
-        other = self._followed_id
-        point = self._target if other is None else data.oMf[other].translation
-        way = point - self._translation
+        way = self._target - self._translation
         distance = float(np.linalg.norm(way))
         d, r = way / max(distance, ROUNDING), max(distance, NEAREST)
         drift[:] = _turning(self, self._axis, d, jacobian, error)
         linear = frame_jacobian(model, data, frame, world)[:3]
         v = pin.getFrameVelocity(model, data, frame, world).linear
         rate = pin.getFrameClassicalAcceleration(model, data, frame, world).linear
-        if other is not None:  # a target that moves
-            linear = linear - frame_jacobian(model, data, other, world)[:3]
-            v = v - pin.getFrameVelocity(model, data, other, world).linear
-            rate = rate - pin.getFrameClassicalAcceleration(model, data, other, world).linear
         along = float(d @ v)
         jacobian += pin.skew(d) @ linear / r
         drift += (np.cross(d, rate) + np.cross(d, v) * (2.0 * along / r)) / r  # ḋ × v = d × v (d · v) / r

@@ -53,7 +53,6 @@ ITEMS: dict[str, Callable[[Robot], Any]] = {
     "coupling task": lambda r: tasks.JointCouplingTask({r.joint_names[0]: 1.0}),
     "manipulability task": lambda r: tasks.ManipulabilityTask(left_hand(r)),
     "low acceleration task": lambda r: tasks.LowAccelerationTask(),
-    "gaze task at a frame": lambda r: tasks.LookAtTask(r.torso_frame, left_hand(r)),
     "fixed contact": lambda r: wbc.FixedContact(left_hand(r)),
     "contact that may yield": lambda r: wbc.FixedContact(left_hand(r), motion_weight=SIX, wrench_weight=SIX),
     "point contact": lambda r: wbc.PointContact(left_hand(r), max_force=50.0),

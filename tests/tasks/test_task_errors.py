@@ -8,13 +8,12 @@ import pytest
 from task_factory import (
     left_hand,
     make_robot,
-    near_half_sitting,
     random_state,
     rows_of,
     standing,
 )
 
-from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.tasks import (
     AdmittanceTask,
@@ -119,53 +118,13 @@ def test_an_error_beyond_its_bound_acts_as_one_of_that_size_in_its_direction() -
     np.testing.assert_allclose(acceleration(2.0), (5.0, 2.5, 0.0, 0.0, 0.0, 10.0), atol=0.01)
 
 
-def test_a_gaze_follows_a_frame_that_moves() -> None:
-    robot = make_robot("hrp4_class")
-    hand = robot.frames["left_hand"]
-    q, v = near_half_sitting(robot, np.random.default_rng(3), 0.2, 1.0)
-    robot.update(q, v)
-    axis = robot.placement(robot.torso_frame).actInv(robot.placement(hand).translation)
-    task = LookAtTask(robot.torso_frame, hand, axis=axis, joints=("base", *robot.joint_names))
-    task.bind(robot)
-    jacobian, error, drift = task.evaluated()
-    np.testing.assert_allclose(error, 0.0, atol=1e-9)
-    ends = []
-    for step in (1e-6, -1e-6):
-        robot.update(pin.integrate(robot.model, q, step * v), v)
-        rows = task.evaluated()
-        ends.append((rows[1], rows[0] @ v))
-    np.testing.assert_allclose((ends[0][0] - ends[1][0]) / 2e-6, -jacobian @ v, atol=1e-5)
-    np.testing.assert_allclose((ends[0][1] - ends[1][1]) / 2e-6, drift, atol=1e-4)
+def test_a_gaze_moves_to_a_point() -> None:
     controller = standing("hrp4_class")
-    robot = controller.robot
-    gaze = controller.add(LookAtTask(robot.torso_frame, hand))
-    np.testing.assert_array_equal(gaze.target, robot.placement(hand).translation)
-    q = np.array(robot.q)
-    q[7:] += 0.1
-    robot.update(q, robot.v)
-    np.testing.assert_array_equal(gaze.target, robot.placement(hand).translation)
-    gaze.target = [1.0, 0.0, 1.0]
-    np.testing.assert_array_equal(gaze.target, [1.0, 0.0, 1.0])
-    gaze.target = "right_hand"
-    np.testing.assert_array_equal(gaze.target, robot.placement("right_hand").translation)
-    with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
-        controller.add(LookAtTask(robot.torso_frame, "left_hant", name="other"))
-    # A move begins at the frame and ends at its target; another frame ends the move.
+    gaze = controller.add(LookAtTask(controller.robot.torso_frame, [1.0, 0.0, 1.0]))
     gaze.move_to([1.0, 0.5, 1.0], duration=0.01)
     while gaze.moving:
         controller.solve()
     np.testing.assert_allclose(gaze.target, [1.0, 0.5, 1.0], atol=1e-12)
-    jacobian, error, _ = gaze.evaluated()
-    alone = LookAtTask(robot.torso_frame, [1.0, 0.5, 1.0])
-    alone.bind(robot)
-    np.testing.assert_allclose(error, alone.evaluated()[1], atol=1e-12)
-    np.testing.assert_allclose(jacobian, alone.evaluated()[0], atol=1e-12)
-    gaze.move_to([1.0, 0.0, 1.0])
-    gaze.target = "left_hand"
-    assert not gaze.moving
-    controller.solve()
-    np.testing.assert_array_equal(gaze.target, robot.placement("left_hand").translation)
     gaze.held_by = "walking.head"
     with pytest.raises(InputError, match="walking.head"):
-        gaze.target = "right_hand"
-    np.testing.assert_array_equal(gaze.target, robot.placement("left_hand").translation)
+        gaze.target = [1.0, 0.0, 1.0]
