@@ -31,8 +31,6 @@ class DescriptionOptions(TypedDict, total=False):
         torque_limits: Joint → largest torque or force, in place of the file's, Nm or N.
         closures: Where closed chains close: pairs of frames that stay together.
         passive: Joints without a drive, whose torque is zero, such as those of rods.
-        turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to refuse
-            it.
         repair: Clamp inertias of a URDF that no body can have instead of refusing them; False by default.
         height: Standing height with straight legs, m; unknown when None.
         licence: Licence of the model; "unknown" by default.
@@ -51,7 +49,6 @@ class DescriptionOptions(TypedDict, total=False):
     torque_limits: Mapping[str, float] | None
     closures: Sequence[Closure] | None
     passive: Sequence[str] | None
-    turn_root: bool | None
     repair: bool
     height: float | None
     licence: str

@@ -26,9 +26,6 @@ Element = ElementTree.Element
 ENDLESS = 1e9
 """Position from which on a limit is none, rad."""
 
-COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
-"""Lengths of attributes that are numbers, in words."""
-
 LARGEST_COORDINATE = 1e4
 """Largest coordinate of a placement or an axis, m."""
 
@@ -457,8 +454,8 @@ def _floats(what: str, text: str, counts: tuple[int, ...] = (3,)) -> Array:
     except ValueError:
         values = np.zeros(0)
     if len(values) not in counts or not (np.abs(values) <= LARGEST_COORDINATE).all():
-        how_many = " or ".join(COUNTS[count] for count in counts)
-        raise ModelError(f"{what} must be {how_many} within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
+        count = " or ".join(map(str, counts))
+        raise ModelError(f"{what} must be {count} numbers within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
     return values
 
 

@@ -158,8 +158,7 @@ def _on_soles(
         return robot, model, ()
     remarks = list[str]()
     soles = _add_soles(model, read.find_soles, 0.0, remarks)
-    turn = heading(model, soles, not read.named) if options.get("turn_root") is not False else 0.0
-    if turn:
+    if turn := heading(model, soles, not read.named):
         robot = read.mechanism(turn).with_limits(*limits)
         model = robot.coupled(name)
         notes.derived.append(

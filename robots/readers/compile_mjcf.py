@@ -92,15 +92,10 @@ def read_spec(source: str | Path) -> mujoco.MjSpec:
 
 
 def _refuse_other_formats(where: str, content: str) -> None:
-    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, NaN and many bodies."""
+    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, and for NaN."""
     if (first := first_tag(content)) in OTHER_FORMATS:
         raise ModelError(f"{where} is {OTHER_FORMATS[first]}")
     content = re.sub(r"<!--.*?-->", lambda note: "\n" * note.group().count("\n"), content, flags=re.DOTALL)
-    count = content.count("<body") + sum(
-        map(int, re.findall(r"<replicate\b[^<>]*\bcount\s*=\s*[\"'](\d+)", content))
-    )
-    if count > MOST_LINKS:
-        raise ModelError(f"{where} may have {MOST_LINKS} bodies, got {count}")
     wrong = re.search(r"<(\w+)[^<>]*?\s(\w+)\s*=\s*\"[^\"]*\b[Nn][Aa][Nn]\b[^\"]*\"", content)
     if wrong and wrong.group(2) not in ("name", "class", "childclass", "file"):
         line = content.count("\n", 0, wrong.start()) + 1

@@ -53,9 +53,9 @@ def test_hull_and_area() -> None:
 
 
 def test_flat_corners_in_a_row_all_go() -> None:
-    bulge = [(0.2, -1e-7), (0.4, -1.5e-7), (0.6, -1.5e-7), (0.8, -1e-7)]
+    bulge = [(0.2, -1e-13), (0.4, -1.5e-13), (0.6, -1.5e-13), (0.8, -1e-13)]
     square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-    np.testing.assert_array_equal(convex_hull(square + bulge, tolerance=1e-5), square)
+    np.testing.assert_array_equal(convex_hull(square + bulge), square)
 
 
 def test_the_area_is_that_of_the_triangles_of_the_corners() -> None:
@@ -69,17 +69,6 @@ def test_the_area_is_that_of_the_triangles_of_the_corners() -> None:
         x, y = corners.T
         assert area == pytest.approx(0.5 * n * np.sin(2.0 * np.pi / n), rel=1e-12)
         assert area == pytest.approx(0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum(), rel=1e-12)
-
-
-def test_a_corner_goes_whose_triangle_is_smaller_than_half_the_tolerance() -> None:
-    """The corner (0.5, −h) spans h / 2 with its neighbours, anywhere in the plane and at any scale."""
-    rng = np.random.default_rng(6)
-    for height in (0.9e-3, 1.1e-3):
-        for scale in (0.1, 1.0, 20.0):
-            points = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, -height)])
-            moved = scale * points + rng.normal(size=2)
-            kept = len(convex_hull(moved, tolerance=1e-3 * scale**2))
-            assert kept == (4 if height < 1e-3 else 5)
 
 
 @pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [[[1.0, 2.0]]], [[1.0, np.nan]]])

@@ -22,7 +22,6 @@ from wbc.base.settings import (
     from_json,
     in_units,
     json_object,
-    may_be_none,
     nested_settings,
     normal_changes,
     read_changes,
@@ -192,7 +191,6 @@ def test_units_choices_and_kinds_of_fields() -> None:
     assert unit_and_choices(Spec, "side") == ("", ["left", "right"])
     assert unit_and_choices(Spec, "length") == ("m", [])
     assert nested_settings(Gait, "later") is Push and nested_settings(Gait, "steps") is None
-    assert may_be_none(Gait, "later") and not may_be_none(Gait, "first")
 
 
 def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> None:

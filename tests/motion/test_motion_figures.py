@@ -16,21 +16,17 @@ from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
-from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
+from wbc.motion.feasible import _drawn_in, _envelope, _smooth
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion, arm_joints
 from wbc.motion.measures import measure
 from wbc.motion.retarget import (
-    BENT,
     FASTEST,
     JUMP,
-    _axes,
     _Legs,
     _on_floor,
     _refuse_jumps,
     _soles,
-    _unit,
-    centre_of_turning,
 )
 
 SIDES = ("left", "right")
@@ -146,18 +142,6 @@ def test_a_foot_on_end_does_not_say_where_it_points(robot: Robot) -> None:
         assert yaw == pytest.approx(seen * 0.5 * math.pi), share
 
 
-def test_axes_are_right_handed_and_point_up_and_as_far_to_the_left_as_they_can() -> None:
-    rng = np.random.default_rng(4)
-    up, left = _unit(rng.normal(size=(20, 3))), rng.normal(size=(20, 3))
-    found = _axes(left, up)
-    np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
-    assert np.linalg.det(found) == pytest.approx(1.0)
-    np.testing.assert_allclose(found[:, :, 2], up, atol=1e-12)
-    across = left - (left * up).sum(axis=1, keepdims=True) * up
-    np.testing.assert_allclose(found[:, :, 1], _unit(across), atol=1e-9)
-    assert BENT == 0.5 and not _unit(np.zeros(3)).any()
-
-
 def test_a_jump_beyond_twelve_legs_a_second_is_told_by_its_frame() -> None:
     rate = 25.0
     for speed, good in ((0.99 * JUMP, True), (1.01 * JUMP, False)):
@@ -186,9 +170,6 @@ def test_a_person_is_upright_whose_way_from_ankles_to_shoulders_is_steeper_than_
                 continue
             with pytest.raises(InputError, match="upright"):
                 clip.limbs()
-        mirrored = replace(given, positions=given.positions * [1.0, -1.0, 1.0] + away)
-        with pytest.raises(InputError, match="mirrored"):
-            mirrored.limbs()
 
 
 def test_a_clip_that_squats_or_flies_has_the_reach_of_what_its_legs_span(robot: Robot) -> None:
@@ -312,20 +293,6 @@ def test_of_a_fast_clip_as_many_frames_are_left_out_as_bring_it_to_sixty(
             retarget(replace(given, positions=given.positions[: 2 * step - 1]), robot)
 
 
-def test_the_centre_of_a_shoulder_is_that_of_a_sphere_within_rounding(robot: Robot) -> None:
-    """The way of an elbow about one axis is a circle, of which the centre of the nearest sphere is taken."""
-    chain = robot.joints_between(robot.frames["left_hand"], robot.torso_frame)
-    number = robot.joint_numbers[chain[3]]
-    centre, radius, off = centre_of_turning(robot, robot.torso_frame, number, chain[:3])
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    torso = data.oMf[robot.frame_id(robot.torso_frame)]
-    shoulder = torso.actInv(data.oMi[robot.joint_numbers[chain[2]]].translation)
-    elbow = torso.actInv(data.oMi[number].translation)
-    np.testing.assert_allclose(centre, shoulder, atol=1e-6)
-    assert radius == pytest.approx(np.linalg.norm(elbow - shoulder)) and off < 1e-9
-
-
 # --- the filter ------------------------------------------------------------------------------------------------------
 
 
@@ -341,23 +308,6 @@ def test_an_envelope_is_the_greatest_within_its_window_made_smooth() -> None:
     assert len(above) == pytest.approx(30, abs=1)
     assert _envelope(np.full(50, 1.7), 1.0, 0.3, 0.1) == pytest.approx(1.7)
     assert _envelope(np.full(50, 0.2), 0.0, 0.6, 0.15) == pytest.approx(0.2)
-
-
-def test_a_pace_is_slowed_within_half_a_second_of_times_that_are_infeasible() -> None:
-    pace = np.linspace(1.0, 1.3, 400)
-    found = _slowed(pace, np.array([1.5, 1.52, 3.0]))
-    share = found / pace
-    slow = (np.abs(np.arange(400) / 100.0 - 1.51) < 0.505) | (np.abs(np.arange(400) / 100.0 - 3.0) < 0.495)
-    beside = np.min(np.abs(np.arange(400)[:, None] - np.array([100, 202, 250, 350])), axis=1) < 3
-    assert STRETCH == 1.2 and share[slow & ~beside] == pytest.approx(1.2)
-    assert share[~slow & ~beside] == pytest.approx(1.0)
-    np.testing.assert_array_equal(_slowed(pace, np.zeros(0)), pace)
-
-
-def test_the_integral_of_a_pace_is_that_of_the_trapezoidal_rule() -> None:
-    t = np.arange(50.0)
-    np.testing.assert_allclose(_integral(np.full(50, 2.0)), 2.0 * t)
-    np.testing.assert_allclose(_integral(3.0 + 0.5 * t), 3.0 * t + 0.25 * t**2)  # exact for a line
 
 
 def test_joints_are_kept_within_their_limits_by_a_margin_and_quaternions_of_length_one(robot: Robot) -> None:

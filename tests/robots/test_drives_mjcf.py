@@ -8,8 +8,9 @@ import mujoco
 import pytest
 from mjcf_biped import MOTORS, biped
 
-from wbc.base.errors import ModelError
+from wbc.base.errors import InputError, ModelError
 from wbc.robots import RobotDescription
+from wbc.robots.derivation.servo import read_gains
 from wbc.robots.readers.drives_mjcf import keyframes, passive_joints, read_drives, sensors
 from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.readers.tree_mjcf import Tree, find_tree
@@ -421,3 +422,24 @@ def test_the_torque_of_a_motor_is_bounded_by_what_its_file_limits(
     description = RobotDescription.from_mjcf(biped(drives=drives))
     found = description.torque_limit[description.joint_names.index("left_knee")]
     assert (found == pytest.approx(80.0 if limit is None else limit)) == (limit is not None)
+
+
+def test_gains_of_a_pattern_are_those_of_all_joints_that_fit() -> None:
+    names = ("left_knee", "right_knee", "waist")
+    assert read_gains(["*knee*=100,2"], names) == {"left_knee": (100.0, 2.0), "right_knee": (100.0, 2.0)}
+    assert read_gains(["*=1,0.5", "waist=7,3"], names)["waist"] == (7.0, 3.0)
+    for text in ("*elbow*=1,2", "*knee*=1", "*knee*"):
+        with pytest.raises(InputError):
+            read_gains([text], names)
+
+
+def test_an_actuator_without_gear_drives_nothing() -> None:
+    """A coupling leads a joint that nothing drives."""
+    tie = (
+        '<equality><joint joint1="right_shoulder" joint2="left_shoulder" polycoef="0 0.5 0 0 0"/></equality>'
+    )
+    motor = '<motor joint="right_shoulder"/>'
+    loose = MOTORS.replace(motor, '<motor joint="right_shoulder" gear="0"/>')
+    assert motor in MOTORS
+    assert "right_shoulder" in RobotDescription.from_mjcf(biped(drives=loose, extra=tie)).couplings
+    assert "right_shoulder" not in RobotDescription.from_mjcf(biped(extra=tie)).couplings

@@ -14,11 +14,10 @@ from scipy.optimize import brentq
 from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped, described
 
 from wbc.base.errors import InputError, ModelError
-from wbc.core.frames import Sole
 from wbc.core.model import Closure
 from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation import posture
-from wbc.robots.derivation.legs import heading, knee_bend, knee_direction, what_is_wrong
+from wbc.robots.derivation.legs import heading, knee_bend, knee_direction
 from wbc.robots.write_urdf import write
 
 HIP = 'xyz="0 {} 0"/><axis xyz="0 0 1"/>'
@@ -243,25 +242,6 @@ def test_a_chain_that_does_not_close_is_refused_with_the_least_gap_that_its_join
         RobotDescription.from_urdf(three_bars(0.9), base="fixed", closures=[tie])
     gap = float(str(error.value).split("stay ")[1].split(" mm")[0])
     assert 1e3 * least - 5.0 < gap <= 1e3 * least + 0.1
-
-
-def test_what_is_wrong_with_a_posture_is_told_by_its_largest_parts() -> None:
-    one, other = (Sole(f"{n}_sole", n, name=f"{n}_foot", length=0.2, width=0.1) for n in ("left", "right"))
-    tilt = math.radians(2.0)
-    parts = {
-        "sole 'left_sole' is turned by 2°": (0, [0.0, 0.6 * tilt, 0.8 * tilt]),
-        "sole 'right_sole' is turned by 2°": (3, [0.6 * tilt, 0.0, 0.8 * tilt]),
-        "the centre of mass is 5 mm beside the middle of the soles": (6, [3e-3, 4e-3]),
-        "the soles are 9 mm from level and side by side": (8, [1e-3, 4e-3, 8e-3]),
-    }
-    for said, (first, values) in parts.items():
-        error = np.zeros(11)
-        error[first : first + len(values)] = values
-        assert what_is_wrong(error, (one, other)) == said
-    error = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2, 3e-3, 4e-3, 0.0, 0.3, 0.4])
-    assert what_is_wrong(error, (one, other)) == (
-        "the soles are 5e+02 mm from level and side by side and sole 'right_sole' is turned by 11°"
-    )
 
 
 def test_a_leg_that_cannot_stand_is_refused_with_its_greatest_range() -> None:

@@ -7,14 +7,13 @@ import re
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 from mjcf_biped import biped as mjcf_biped
 from urdf_biped import biped
 
 from wbc.base.errors import ModelError
 from wbc.core.model import Coupling
-from wbc.robots import RobotDescription, urdf
+from wbc.robots import RobotDescription
 
 INERTIAL = '<inertial><origin xyz="0.1 0.02 -0.03"/><mass value="{}"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial>'  # fmt: skip # noqa: E501
 LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="3"/>'
@@ -326,23 +325,6 @@ def test_shapes_and_masses_of_an_mjcf_are_those_of_its_urdf() -> None:
     np.testing.assert_allclose(robots[1].mass_matrix[np.ix_(order, order)], robots[0].mass_matrix, atol=1e-6)
 
 
-def test_links_and_sites_without_mass_stay_where_they_are_in_a_urdf_of_all_frames() -> None:
-    own = RobotDescription.from_mjcf(mjcf_biped())
-    model, again = (
-        own.pinocchio_model(),
-        urdf.read(own.urdf).mechanism(False).coupled("again"),
-    )
-    data = [each.createData() for each in (model, again)]
-    for each, of in zip((model, again), data, strict=True):
-        pin.framesForwardKinematics(each, of, pin.neutral(each))
-    names = [f.name for f in model.frames if f.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
-    names = [name for name in names if again.existFrame(name)]
-    assert {"imu_here", "left_load_cell", "left_foot"} <= set(names)
-    for name in names:
-        places = [of.oMf[each.getFrameId(name)] for each, of in zip((model, again), data, strict=True)]
-        assert places[0].isApprox(places[1], 1e-9)
-
-
 def test_a_foot_inertia_is_a_body_at_the_ankle() -> None:
     """Mass, first moments and second moments about the frame of the ankle, as Pinocchio orders them."""
     own = RobotDescription.from_mjcf(mjcf_biped())
@@ -353,15 +335,6 @@ def test_a_foot_inertia_is_a_body_at_the_ankle() -> None:
     ankle = with_foot.pinocchio_model().getJointId("left_ankle_roll")
     before, after = (each.pinocchio_model().inertias[ankle] for each in (own, with_foot))
     np.testing.assert_allclose(after.toDynamicParameters() - before.toDynamicParameters(), more, atol=1e-12)
-
-
-def test_torques_of_one_direction_bound_a_robot_on_each_side() -> None:
-    own = RobotDescription.from_mjcf(mjcf_biped())
-    robot = dataclasses.replace(own, torque_ranges={"waist": (-5.0, 60.0)}).robot()
-    i = robot.joint_index("waist")
-    assert (robot.torque_lower[i], robot.torque_upper[i]) == (-5.0, 60.0)
-    others = np.delete(np.arange(robot.na), i)
-    np.testing.assert_array_equal(robot.torque_lower[others], -robot.torque_upper[others])
 
 
 def test_mujoco_reads_the_limits_of_a_urdf_without_geometry_as_pinocchio_does() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from closed_chains import parallel_ankles
-from urdf_biped import FEET, biped
+from urdf_biped import FEET, biped, described
 
 import wbc
 from wbc.core.drive.servos import ANKLE_SHARE
@@ -22,7 +22,7 @@ BIPED = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text(encodin
 
 
 def own(**options: Any) -> RobotDescription:
-    return RobotDescription.from_urdf(biped(), **FEET, **options)
+    return RobotDescription.from_urdf(biped(), **FEET, **options) if options else described()
 
 
 def scaled(what: str, factor: float, xml: str) -> str:
@@ -115,6 +115,7 @@ def test_damping_friction_and_servos_are_doubted_with_their_figures() -> None:
     assert f"kp of 'r_ankle_roll' is {0.5 * ANKLE_SHARE * tipping:.0f} Nm/rad" in line
     assert line.endswith(f"m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad")
     assert not doubted(description, "gains are soft", gains={"l_knee": (1.0, 1.0)})
+    assert "l_knee" in doubted(description, "no rotor", armature=description.armature | {"l_knee": 0.0})[0]
     assert not doubted(description, "guessed")
     assert [
         line for line in RobotDescription.from_urdf(biped(limits=""), **FEET).doubts() if "guessed" in line

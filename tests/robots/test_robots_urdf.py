@@ -15,7 +15,6 @@ import pytest
 from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped, described
 
 from wbc.base.errors import InputError, ModelError, UnknownNameError
-from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, urdf
@@ -129,8 +128,6 @@ def test_a_root_that_looks_elsewhere_is_turned(turn: float) -> None:
     assert any("new root link" in line for line in description.derived)
     assert_same(description.robot(), described().robot())
     if turn == np.pi:
-        with pytest.raises(ModelError, match="swapped soles"):
-            RobotDescription.from_urdf(xml, **FEET, turn_root=False)
         with pytest.raises(ModelError, match="swapped soles"):
             RobotDescription.from_urdf(biped(), left_sole=FEET["right_sole"], right_sole=FEET["left_sole"])
 
@@ -498,25 +495,6 @@ def test_an_option_that_does_not_fit_is_refused(
         RobotDescription.from_urdf(biped(), **{**FEET, **options})
 
 
-def doubted(**changes: Any) -> str:
-    """Return what is doubted of the biped with other values that is not doubted of it as it is."""
-    fine = described()
-    return "\n".join(set(dataclasses.replace(fine, **changes).doubts()) - set(fine.doubts()))
-
-
-def test_what_is_doubtful_about_a_description_is_named() -> None:
-    fine = described()
-    left, right = fine.soles
-    assert "soles" in doubted(soles=(left, dataclasses.replace(right, length=0.25)))
-    assert "l_knee" in doubted(armature=fine.armature | {"l_knee": 0.0})
-    assert "friction" in doubted(damping={"l_knee": 0.5}, frictionloss={"l_elbow": 0.25})
-    assert "l_elbow" in doubted(gains={"l_elbow": (9.0, 0.0)})
-    tipping = fine.robot().mass * 9.80665 * fine.robot().com[2]
-    for share, soft in ((1.01, False), (0.99, True)):
-        ankle = {"l_ankle_roll": (share * ANKLE_SHARE * tipping, 1.0)}
-        assert ("l_ankle_roll" in doubted(gains=ankle)) is soft
-
-
 @pytest.mark.parametrize(("heavier", "said"), [(0.02, False), (0.4, True)])
 def test_legs_of_another_mass_are_doubtful_from_a_hundredth_on(heavier: float, said: bool) -> None:
     """A leg weighs 6 kg: 4 joints of 0.5 kg and two links of 2 kg; one shin is made heavier."""
@@ -525,24 +503,6 @@ def test_legs_of_another_mass_are_doubtful_from_a_hundredth_on(heavier: float, s
     one = xml[:at] + xml[at:].replace('<mass value="2"/>', f'<mass value="{2.0 + heavier}"/>', 1)
     lines = [line for line in RobotDescription.from_urdf(one, **FEET).doubts() if "differ in mass" in line]
     assert lines == ([f"the legs differ in mass: 6.00 and {6.0 + heavier:.2f} kg"] if said else [])
-
-
-def test_colours_of_a_shape_are_its_own_or_those_of_its_named_material() -> None:
-    box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry>{}</visual>'
-    own = '<material name="a"><color rgba="0.1 0.2 0.3 1"/></material>'
-    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
-    named, unknown = '<material name="red"/>', '<material name="nowhere"/>'
-    for given, colour in (
-        (own, (0.1, 0.2, 0.3, 1.0)),
-        (named, (1.0, 0.0, 0.0, 1.0)),
-        (unknown, None),
-        ("", None),
-    ):
-        description = RobotDescription.from_urdf(
-            biped(geometry=FOOT_BOX + box.format(given), before=red), **FEET
-        )
-        drawn = [shape.colour for shape in description.mechanism.shapes if shape.role == "visual"]
-        assert len(drawn) == 2 and all(each == pytest.approx(colour) for each in drawn)
 
 
 @pytest.mark.parametrize(

@@ -68,35 +68,6 @@ def test_what_cannot_be_read_is_refused_with_the_way_out(what: str) -> None:
     assert way_out in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_feet_of_a_urdf_that_are_not_named_are_found_for_the_message() -> None:
-    """A frame called sole before the link; not those of an arm or a quadruped."""
-    without = RobotDescription.from_urdf(URDF)
-    assert any("--left left_foot --right right_foot" in line for line in without.doubts())
-    with pytest.raises(InputError, match="--left left_foot --right right_foot"):
-        without.needs_feet("a walk")
-    sole = "".join(
-        f'<link name="{s}_sole"/><joint name="{s}_fix" type="fixed"><parent link="{s}_foot"/>'
-        f'<child link="{s}_sole"/><origin xyz="0.03 0 -0.075"/></joint>'
-        for s in ("left", "right")
-    )
-    soled = RobotDescription.from_urdf(URDF.replace("</robot>", f"{sole}</robot>"))
-    assert any("--left left_sole --right right_sole" in line for line in soled.doubts())
-
-
-@pytest.mark.parametrize(
-    ("link", "name"), [("left_foot", "left_foot_ft_imu"), ("left_shin", "imu"), ("trunk", "simulated")]
-)
-def test_an_imu_is_looked_for_on_the_trunk(link: str, name: str) -> None:
-    frame = f'<link name="{name}"/><joint name="i" type="fixed"><parent link="{link}"/><child link="{name}"/></joint>'
-    description = RobotDescription.from_urdf(URDF.replace("</robot>", f"{frame}</robot>"), **FEET)
-    assert description.imu.frame != name
-    assert any(f"imu='{name}'" in line for line in description.derived) == (link != "trunk")
-    assert (
-        RobotDescription.from_urdf(URDF.replace("</robot>", f"{frame}</robot>"), imu=name, **FEET).imu.frame
-        == name
-    )
-
-
 def test_sensors_of_a_limb_are_no_imu_of_an_mjcf() -> None:
     sensors = '<sensor><gyro site="foot_imu"/><accelerometer site="foot_imu"/></sensor></mujoco>'
     xml = re.sub("<sensor>.*</sensor>", "", MJCF, flags=re.DOTALL).replace("</mujoco>", sensors)
@@ -192,7 +163,7 @@ def lamp(limits: str, kind: str = "revolute", joint: str = "pan", link: str = "l
 
 
 WRONG = {
-    "two scales": (with_shape('<mesh filename="a.stl" scale="1 1"/>'), ("trunk", "'1 1'", "one number or three")),
+    "two scales": (with_shape('<mesh filename="a.stl" scale="1 1"/>'), ("trunk", "'1 1'", "1 or 3 numbers")),
     "a scale of zero": (with_shape('<mesh filename="a.stl" scale="0"/>'), ("trunk", "scale", "'0'")),
     "a scale that is none": (with_shape('<mesh filename="a.stl" scale="0,001"/>'), ("trunk", "scale", "'0,001'")),
     "a box of one size": (with_shape('<box size="0.1"/>'), ("trunk", "box", "'0.1'")),

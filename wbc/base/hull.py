@@ -8,11 +8,14 @@ from numpy.typing import ArrayLike
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 
+FLAT = 1e-12
+"""Twice the area, m², of the triangle of a corner and its neighbours up to which the corner is none."""
 
-def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
+
+def convex_hull(points: ArrayLike) -> Array:
     """Return the corners of the convex hull, shape (k, 2), m, counter-clockwise from the leftmost one.
 
-    A corner that spans less than half the `tolerance`, m², with its neighbours is dropped; k < 3 for points on a line.
+    Flat corners are dropped; k < 3 for points on a line.
     """
     array = finite_array("points (m)", points)
     if array.ndim != 2 or array.shape[1] != 2:
@@ -22,7 +25,7 @@ def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
     corners = np.roll(hull, -int(first), axis=0).tolist()
     i = 0
     while i < len(corners) > 2:
-        if _twice_area(corners[i - 1], corners[i], corners[(i + 1) % len(corners)]) > tolerance:
+        if _twice_area(corners[i - 1], corners[i], corners[(i + 1) % len(corners)]) > FLAT:
             i += 1
         else:
             del corners[i]

@@ -349,11 +349,6 @@ def nested_settings(kind: type, name: str) -> Any:
     return next((each for each in members if isinstance(each, type) and dataclasses.is_dataclass(each)), None)
 
 
-def may_be_none(kind: type, name: str) -> bool:
-    """Return True for a field that can be switched off."""
-    return type(None) in _alternatives(_hints(kind)[name])
-
-
 def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
     """Return the unit of a field, empty without one, and its choices, empty without any."""
     hint = _hints(kind)[name]
@@ -448,20 +443,17 @@ def _read(text: str) -> Scalar:
     return text
 
 
-def setting_names(settings: Any) -> tuple[str, ...]:
-    """Return the full names of all settings of a dataclass and of the dataclasses nested in it."""
-    return tuple(path for path, _ in _leaves(settings))
-
-
-def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def setting_names(settings: Any, prefix: str = "") -> tuple[str, ...]:
+    """Return the full names of all settings of a dataclass and of those nested in it, each behind a prefix."""
+    names: list[str] = []
     for field in dataclasses.fields(settings):
-        value = getattr(settings, field.name)
-        if dataclasses.is_dataclass(value):
-            if may_be_none(type(settings), field.name):
-                yield prefix + field.name, value
-            yield from _leaves(value, f"{prefix}{field.name}.")
-        else:
-            yield prefix + field.name, value
+        path, value = prefix + field.name, getattr(settings, field.name)
+        nested = dataclasses.is_dataclass(value)
+        if not nested or type(None) in _alternatives(_hints(type(settings))[field.name]):
+            names.append(path)
+        if nested:
+            names += setting_names(value, f"{path}.")
+    return tuple(names)
 
 
 def full_name(names: tuple[str, ...], name: str) -> str:

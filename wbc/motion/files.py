@@ -62,17 +62,12 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
 
     Raises:
         FileError: The file cannot be written.
-        InputError: A name of a joint cannot be read from such a file, such as that of another column of a .csv.
+        InputError: A name of a joint is that of another column, or is not printable.
     """
     path = _known(Path(path))
-    columns_of_csv = ("time", *BASE_COLUMNS, *STANDING)
     for name in clip.joint_names:
-        lost = path.suffix.lower() == ".csv" and (name in columns_of_csv or len(name.splitlines()) > 1)
-        kept = name.encode("utf-8", "ignore").decode().rstrip("\0").strip()  # NumPy cuts zeros at the end
-        if lost or name != kept:
-            raise InputError(
-                f"a joint cannot be called {shown(name)} in a motion that is written as {path.suffix}"
-            )
+        if name in ("time", *BASE_COLUMNS, *STANDING) or name != name.strip() or not name.isprintable():
+            raise InputError(f"a joint of a motion that is written cannot be called {shown(name)}")
     with replacing(path) as new:
         if path.suffix.lower() == ".npz":
             columns: dict[str, Any] = {"rate": clip.rate, "base": clip.base, "joints": clip.joints}
