@@ -130,12 +130,12 @@ def doubts(robot: Any) -> tuple[str, ...]:
         first = [f"{said}; it has two lowest limbs: {hint}" if hint else said]
     else:
         first = _legs(robot, model)
-    found = (*_torques(robot, model), *_passive(robot), *_ranges(robot))
-    return (*first, *robot.doubtful, *(f"{what}: {listed(names)}" for what, names in found if names))
+    named = (f"{what}: {listed(names)}" for what, names in _by_joint(robot, model) if names)
+    return (*first, *robot.doubtful, *named)
 
 
-def _torques(robot: Any, model: Robot) -> list[Doubt]:
-    """Return the doubts about torque limits, servos and rotors."""
+def _by_joint(robot: Any, model: Robot) -> list[Doubt]:
+    """Return the doubts about torque limits, servos, rotors, passive forces and ranges."""
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
         for name, share in standing_torques(model).items()
@@ -145,34 +145,22 @@ def _torques(robot: Any, model: Robot) -> list[Doubt]:
         n for n, (kp, kd) in robot.gains.items() if kp > 0.0 and kd + robot.damping.get(n, 0.0) == 0.0
     ]
     light = [n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive]
-    return [
-        (f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of", tight),
-        ("given servo gains without damping", undamped),
-        ("no rotor inertia (armature); real drives have some", light),
-    ]
-
-
-def _passive(robot: Any) -> list[Doubt]:
-    """Return the doubts about damping and friction of the joints."""
-    return [
-        (sentence.format(max(values.values())), [f"{len(values)} joints"])
-        for sentence, values in (
-            (
-                "torques make up for damping of up to {:g} Nms/rad, which a real machine may not have",
-                robot.damping,
-            ),
-            ("dry friction up to {:g} Nm, which the controller neglects", robot.frictionloss),
-        )
-        if values
-    ]
-
-
-def _ranges(robot: Any) -> list[Doubt]:
-    """Return the doubts about the limits of positions and speeds."""
+    damping, friction = (max(each.values(), default=0.0) for each in (robot.damping, robot.frictionloss))
     (lower, upper), fast = robot.position_limits, robot.velocity_limit > FASTEST
     taken = np.maximum(abs(lower + TAKEN_RANGE), abs(upper - TAKEN_RANGE)) < 1e-6
     named = [[n for n, odd in zip(robot.joint_names, each, strict=True) if odd] for each in (fast, taken)]
     return [
+        (f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of", tight),
+        ("given servo gains without damping", undamped),
+        ("no rotor inertia (armature); real drives have some", light),
+        (
+            f"torques make up for damping of up to {damping:g} Nms/rad, which a real machine may not have",
+            [f"{len(robot.damping)} joints"] if robot.damping else [],
+        ),
+        (
+            f"dry friction up to {friction:g} Nm, which the controller neglects",
+            [f"{len(robot.frictionloss)} joints"] if robot.frictionloss else [],
+        ),
         (f"speed limits above {FASTEST:g} rad/s, in another unit or none?", named[0]),
         ("no position limits (±π taken)", named[1]),
     ]

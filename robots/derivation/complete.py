@@ -103,20 +103,29 @@ def complete(
         notes.derived.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
     name, joints = name or read.name, read.joints
     robot, model, soles = _on_soles(read, name, options, notes)
-    sitting, closures = _half_sitting(read, options, model, soles, notes)
-    mass, com_height = _size(model, soles, sitting)
+    given, sole_frames = options.get("half_sitting") or {}, tuple(sole.frame for sole in soles)
+    sitting = posture.half_sitting(model, soles, given, notes.derived, read.postures)
+    if closures := (*read.closures, *(options.get("closures") or ())):
+        sitting = chains.close(model, sole_frames, sitting, given, closures)
+    q = posture.standing_configuration(model, sole_frames, sitting)
+    com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
+    mass = pin.computeTotalMass(model)
     robot = _driven(robot, model, soles, mass * GRAVITY * com_height, notes)
     rotors, armature = ARMATURE_RATIO * mass * com_height**2, options.get("armature")
     if armature is None or isinstance(armature, Mapping):
         armature = {**joints.armature, **(armature or {})}
     limited = options.get("torque_limits") or {}
+    if (torso := options.get("torso")) is None:
+        torso = defaults.find_torso(model, soles)
+        notes.derived.append(f"torso: link '{torso}'")
+    choose("link", torso, frames.link_names(model))
     return kind(
         name=name or robot.model.name,
         mechanism=robot,
         soles=soles,
         half_sitting=sitting,
         armature=defaults.complete_armature([*sitting], armature, rotors, notes.derived),
-        torso=_torso(options.get("torso"), model, soles, notes),
+        torso=torso,
         imu=defaults.complete_imu(model, imu, notes.derived),
         hands=options.get("hands") or {},
         servo=options.get("servo") or ServoRule(),
@@ -174,25 +183,6 @@ def _on_soles(
     return robot, model, soles
 
 
-def _half_sitting(
-    read: FileRobot, options: DescriptionOptions, model: pin.Model, soles: Soles, notes: Notes
-) -> tuple[dict[str, float], tuple[Closure, ...]]:
-    """Return joint → position in half-sitting, rad or m, in which closed chains are closed, and their closures."""
-    given = options.get("half_sitting") or {}
-    joints = posture.half_sitting(model, soles, given, notes.derived, read.postures)
-    closures = (*read.closures, *(options.get("closures") or ()))
-    if closures:
-        joints = chains.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
-    return joints, closures
-
-
-def _size(model: pin.Model, soles: Soles, joints: Mapping[str, float]) -> tuple[float, float]:
-    """Return mass, kg, and height of the centre of mass over the soles, m; zero without soles."""
-    q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
-    height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
-    return pin.computeTotalMass(model), height
-
-
 def _driven(
     robot: Mechanism, model: pin.Model, soles: Soles, weight_moment: float, notes: Notes
 ) -> Mechanism:
@@ -209,15 +199,6 @@ def _driven(
     notes.derived.append(f"torque limits not given, from mass and size (Nm): {listed}")
     notes.doubtful.append("torque limits that the file does not give are guessed from mass and size")
     return robot.with_limits(torque=torques)
-
-
-def _torso(given: str | None, model: pin.Model, soles: Soles, notes: Notes) -> str:
-    """Return the link of the chest: the given one, or that which most of the mass hangs on."""
-    if given is None:
-        given = defaults.find_torso(model, soles)
-        notes.derived.append(f"torso: link '{given}'")
-    choose("link", given, frames.link_names(model))
-    return given
 
 
 def _add_soles(model: pin.Model, find: SoleFinder, turn: float, notes: list[str]) -> Soles:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -53,12 +53,16 @@ def read(
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
     torque |= dict.fromkeys(idle, NO_DRIVE)
     imu, sensors = drives_mjcf.sensors(tree)
+    what = "joints without an actuator, passive and taken as fixed"
+    doubtful = [f"{UNMODELLED}{len(held)} {what}: {listed(held)}"] if held else []
+    ties = [*tree.ties, *(chain.number for chain in chains)]  # of which a description has the forces
+    doubtful += unmodelled(model, tree.bodies, {number: name for name, number in tree.joints.items()}, ties)
     return FileRobot(
         mechanism=lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
         name=_model_name(model) or tree.body_name(tree.root),
         source=_origin(source),
         notes=(*notes, NO_SPEEDS),
-        doubtful=(*_held(held), *_unmodelled(tree, chains)),
+        doubtful=tuple(doubtful),
         find_soles=partial(feet_mjcf.find_soles, tree, soles, sole_size) if feet and not fixed else None,
         named=soles != (None, None),
         postures=drives_mjcf.keyframes(tree),
@@ -69,20 +73,6 @@ def read(
         sensors=sensors,
         locked={tree.joint_name(joint): value for joint, value in tree.locked.items()},
     )
-
-
-def _held(joints: Sequence[str]) -> list[str]:
-    """Return a doubt about joints without an actuator."""
-    said = (
-        f"{UNMODELLED}{len(joints)} joints without an actuator, passive and taken as fixed: {listed(joints)}"
-    )
-    return [said] if joints else []
-
-
-def _unmodelled(tree: Tree, chains: Sequence[chains_mjcf.Chain]) -> list[str]:
-    """Return the doubts about forces that no description has; closed chains and couplings are none."""
-    ties = [*tree.ties, *(chain.number for chain in chains)]
-    return unmodelled(tree.model, tree.bodies, {number: name for name, number in tree.joints.items()}, ties)
 
 
 def _origin(source: object) -> str:

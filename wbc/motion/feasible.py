@@ -278,7 +278,10 @@ def _balanced(
     over[:, :7] = [
         pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, over[:, :7], strict=True)
     ]
-    q = _held(robot, over, share, unfinished)
+    q = over.copy()
+    q[:, 3:7] = _straightened(robot, q, share, unfinished)
+    # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
+    q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share, unfinished).joints
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
     ways = coms_of(robot, over)[:, :2], coms_of(robot, q)[:, 2:]
@@ -291,15 +294,6 @@ def _balanced(
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     result = planted(robot, result, soles, standing, round(2.0 * BLEND * RATE))
     return BodyMotion.of(robot, result, RATE), standing, shortened
-
-
-def _held(robot: Robot, q: Array, share: float, unfinished: set[str]) -> Array:
-    """Return configurations, shape (T, nq), whose trunk and arms a share of the torque limits can hold."""
-    q = q.copy()
-    q[:, 3:7] = _straightened(robot, q, share, unfinished)
-    # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
-    q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share, unfinished).joints
-    return q
 
 
 def _zmp_inside(

@@ -398,9 +398,12 @@ class _Follower:
         q, errors = np.empty((len(paths), self._robot.nq)), np.empty((len(paths), len(self._kept)))
         now = self._robot.half_sitting.copy()
         for i, (soles, move) in enumerate(zip(paths, moves, strict=True)):
-            self._aim_feet(soles, standing[i])
+            for contact, foot, sole, on in zip(self._contacts, self._feet, soles, standing[i], strict=True):
+                contact.active, contact.target, foot.target = bool(on), sole, sole
             rotations = [move.rotation @ turn[i] for turn in turns]
-            self._aim_trunk(move.act(parts["hips"][i]), rotations)
+            for task, rotation, own in zip(self._tilts, rotations, self._rest, strict=False):
+                task.target = rotation @ own
+            self._pelvis.target = move.act(parts["hips"][i]) - self._tilts[0].target @ self._legs.hips
             if i == 0:
                 now[:3], now[3:7] = self._pelvis.target, pin.Quaternion(rotations[0]).coeffs()
                 now[7:] = np.clip(now[7:], self._limits.lower, self._limits.upper)
@@ -415,17 +418,6 @@ class _Follower:
             task.name: float(np.sqrt(np.mean(np.square(each))))
             for task, each in zip(self._kept, np.ascontiguousarray(errors.T), strict=True)
         }
-
-    def _aim_feet(self, soles: Soles, stands: Array) -> None:
-        """Let the soles that stand be contacts at their places, and the others go to theirs."""
-        for contact, foot, sole, on in zip(self._contacts, self._feet, soles, stands, strict=True):
-            contact.active, contact.target, foot.target = bool(on), sole, sole
-
-    def _aim_trunk(self, hips: Array, rotations: list[Array]) -> None:
-        """Turn pelvis and trunk, and put the pelvis where the hips are at a place, m."""
-        for task, rotation, own in zip(self._tilts, rotations, self._rest, strict=False):
-            task.target = rotation @ own
-        self._pelvis.target = hips - self._tilts[0].target @ self._legs.hips
 
     def _aim_arms(self, rotation: Array, directions: Mapping[tuple[str, str], Array]) -> None:
         """Let upper arms and forearms point in directions that are turned, from where the shoulders are now."""
