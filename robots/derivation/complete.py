@@ -114,6 +114,7 @@ def complete(
     rotors, armature = ARMATURE_RATIO * mass * com_height**2, options.get("armature")
     if armature is None or isinstance(armature, Mapping):
         armature = {**joints.armature, **(armature or {})}
+    armature = defaults.complete_armature([*sitting], armature, rotors, notes.derived)
     limited = options.get("torque_limits") or {}
     if (torso := options.get("torso")) is None:
         torso = defaults.find_torso(model, soles)
@@ -124,7 +125,7 @@ def complete(
         mechanism=robot,
         soles=soles,
         half_sitting=sitting,
-        armature=defaults.complete_armature([*sitting], armature, rotors, notes.derived),
+        armature=armature,
         torso=torso,
         imu=defaults.complete_imu(model, imu, notes.derived),
         hands=options.get("hands") or {},
