@@ -186,10 +186,6 @@ def test_quaternions_keep_their_sign_and_have_length_one(robot: Robot) -> None:
     lying[7, 3:] *= 1.06
     with pytest.raises(InputError, match=r"1.060 in frame 7$"):
         replace(clip, base=lying)
-    lost = clip.joints.copy()
-    lost[20, 3] = np.nan
-    with pytest.raises(InputError, match=rf"nan in frame 20 \(0\.200 s\), column '{robot.joint_names[3]}'"):
-        replace(clip, joints=lost)
     lying = clip.base.copy()
     for tilt, good in ((1.0, True), (1.1, False)):  # cos 1.047 is a half
         lying[0, 3:] = Rotation.from_rotvec([tilt, 0.0, 0.0]).as_quat()
@@ -207,7 +203,6 @@ def test_quaternions_keep_their_sign_and_have_length_one(robot: Robot) -> None:
             with pytest.raises(InputError, match=robot.joint_names[3]):
                 replace(clip, joints=changed)
     for wrong in (
-        {"base": 1.06 * clip.base},
         {"standing": 2 * np.ones((len(clip), 2))},
         {"standing": np.ones((3, 2))},
         {"joints": clip.joints[:1], "base": clip.base[:1], "standing": None},

@@ -176,12 +176,6 @@ def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: 
     assert read_motion(path).joint_names == arms.joint_names
 
 
-@pytest.mark.parametrize("ending", [".NPZ", ".Csv"])
-def test_endings_may_be_written_large(arms: MotionClip, tmp_path: Path, ending: str) -> None:
-    write_motion(arms, tmp_path / f"clip{ending}")
-    assert read_motion(tmp_path / f"clip{ending}").joint_names == arms.joint_names
-
-
 BODIES = {"body_pos_w": np.zeros((5, 1, 3)), "body_quat_w": np.ones((5, 1, 4))}
 BEYONDMIMIC = {"fps": 30, "joint_pos": np.zeros((5, 2))} | BODIES
 GMR = {"fps": 30, "root_pos": np.zeros((5, 3)), "root_rot": np.ones((5, 4)), "dof_pos": np.zeros((5, 2))}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
-from wbc.motion.feasible import _drawn_in, _envelope, _smooth
+from wbc.motion import MotionClip, SkeletonClip, retarget
+from wbc.motion.feasible import _drawn_in
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion, arm_joints
 from wbc.motion.measures import measure
@@ -296,36 +295,6 @@ def test_of_a_fast_clip_as_many_frames_are_left_out_as_bring_it_to_sixty(
 # --- the filter ------------------------------------------------------------------------------------------------------
 
 
-def test_an_envelope_is_the_greatest_within_its_window_made_smooth() -> None:
-    """At 100 Hz a peak of 3 becomes a block of 0.3 s, rounded at its ends; what is below the least does not count."""
-    values = np.full(200, 0.4)
-    values[100] = 3.0
-    found = _envelope(values, 1.0, 0.3, 0.05)
-    assert found[100] == pytest.approx(3.0, abs=0.01) and found.max() <= 3.0 + 1e-12
-    assert found[[60, 140]] == pytest.approx(1.0, abs=1e-3) and found.min() >= 1.0 - 1e-12
-    assert (found - 1.0).sum() == pytest.approx(2.0 * 30)  # smoothing keeps the area
-    above = np.flatnonzero(found > 2.0)
-    assert len(above) == pytest.approx(30, abs=1)
-    assert _envelope(np.full(50, 1.7), 1.0, 0.3, 0.1) == pytest.approx(1.7)
-    assert _envelope(np.full(50, 0.2), 0.0, 0.6, 0.15) == pytest.approx(0.2)
-
-
-def test_joints_are_kept_within_their_limits_by_a_margin_and_quaternions_of_length_one(robot: Robot) -> None:
-    """By 0.05 rad, where the range has so much; a clip at rest stays as it is."""
-    q = np.tile(robot.half_sitting, (120, 1))
-    far = q.copy()
-    far[:, 7:] = 10.0 * np.where(np.arange(robot.na) % 2, 1.0, -1.0)
-    turns = np.linspace(0.0, 1.5, 120)
-    far[:, 3:7] = [pin.Quaternion(pin.utils.rotate("z", turn)).coeffs() for turn in turns]
-    kept = _smooth(robot, MotionClip.of(robot, far, 100.0), 6.0)
-    room = np.minimum(0.05, 0.5 * (robot.position_upper - robot.position_lower))
-    ends = np.where(np.arange(robot.na) % 2, robot.position_upper - room, robot.position_lower + room)
-    np.testing.assert_allclose(kept.joints, np.tile(ends, (120, 1)), atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(kept.base[:, 3:], axis=1), 1.0, atol=1e-12)
-    still = _smooth(robot, MotionClip.of(robot, q, 100.0), 6.0)
-    np.testing.assert_allclose(still.joints, q[:, 7:], atol=1e-6)
-
-
 def test_arms_are_drawn_in_by_one_ratio_until_their_drives_hold_them(robot: Robot) -> None:
     """All joints of an arm come nearer to half-sitting alike; the other arm stays."""
     q = np.tile(robot.half_sitting, (60, 1))
@@ -381,19 +350,6 @@ def test_springs_that_carry_an_arm_leave_it_where_it_is() -> None:
 
 
 # --- measures --------------------------------------------------------------------------------------------------------
-
-
-def test_measures_are_plain_values_with_the_share_of_infeasible_frames(robot: Robot) -> None:
-    q = np.tile(robot.half_sitting, (50, 1))
-    clip = MotionClip.of(robot, q, 100.0, standing=np.ones((50, 2), dtype=bool))
-    found = check_motion(robot, clip)
-    values: Any = found.to_json()
-    assert values["feasible"] is True and values["infeasible_share"] == 0.0
-    assert "infeasible_frames" not in values and values["joint_speed"] == {}
-    bad = replace(found, infeasible_frames=np.arange(50) < 10)
-    assert bad.to_json()["infeasible_share"] == pytest.approx(0.2) and not bad.feasible
-    over = replace(found, joint_excess={"a": 0.1})
-    assert over.to_json()["feasible"] is False and not over.feasible
 
 
 def test_accelerations_are_second_differences_at_rest_before_and_after(robot: Robot) -> None:

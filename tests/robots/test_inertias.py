@@ -14,7 +14,7 @@ from urdf_biped import FEET, biped, described
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.inertia import second_moments
-from wbc.robots.derivation.link_shapes import CORNERS, _directions, link_shapes
+from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.robots.urdf import HEAVIEST
 
 SMALL = '<mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
@@ -202,13 +202,3 @@ def test_hulls_of_simple_shapes_are_these_shapes(kind: str) -> None:
         assert hull.radius == 0.1  # type: ignore[union-attr]
         np.testing.assert_allclose(hull.start, [0.1, 0.2, 0.3] - 0.2 * axis)  # type: ignore[union-attr]
         np.testing.assert_allclose(hull.end, [0.1, 0.2, 0.3] + 0.2 * axis)  # type: ignore[union-attr]
-
-
-def test_directions_of_hulls_are_spread_evenly() -> None:
-    """On a sphere each of n has 4π/n to itself, as a square with a side of 2 √(π/n)."""
-    directions = _directions()
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
-    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=0.01)
-    angles = np.arccos(np.clip(directions @ directions.T - 2.0 * np.eye(CORNERS), -1.0, 1.0))
-    nearest = angles.min(axis=1) / (2.0 * np.sqrt(np.pi / CORNERS))
-    assert nearest.min() > 0.8 and nearest.max() < 1.0
