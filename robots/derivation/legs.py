@@ -76,20 +76,17 @@ class LegSearch:
         first = self._q[self._free]
         with np.errstate(invalid="ignore"):  # of joints that turn without end
             middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
-        least, best = math.inf, np.zeros(0)
         exact = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
         for width, x0 in itertools.product(self._widths(), (first, middle)):
             solution = least_squares(self._residual, x0, bounds=(low, high), args=(width,), **exact)
             error = self._residual(solution.x, width)[:11]  # without the bend of the knees
-            if (largest := float(np.abs(error).max())) <= SOLVED:
+            if float(np.abs(error).max()) <= SOLVED:
                 return np.array(self._q[7:])
-            if largest < least:
-                least, best = largest, error
-        turn = float((high - low).max())
         raise ModelError(
-            f"no half-sitting within the joint limits was found: {what_is_wrong(best, self._soles)}; pass half_sitting "
-            f"with the leg joints, or correct their limits: they turn by {turn:.3g} rad at most, and an MJCF in "
-            'radians must say <compiler angle="radian"/>'
+            "no half-sitting within the joint limits was found, soles flat, level and side by side under the centre of "
+            "mass; pass half_sitting with the leg joints, or correct their limits: they turn by "
+            f"{float((high - low).max()):.3g} rad at most, and an MJCF in radians must say "
+            '<compiler angle="radian"/>'
         )
 
     def _widths(self) -> list[float]:
@@ -119,21 +116,6 @@ class LegSearch:
                 [0.5 * sum(sign * q[i] for i, sign in self._knees) - KNEE_BEND],
             ]
         )
-
-
-def what_is_wrong(error: Array, soles: tuple[Sole, ...]) -> str:
-    """Return the two largest errors of the best posture that a search has found, as text."""
-    tilts = [float(np.linalg.norm(error[i : i + 3])) for i in (0, 3)]
-    away, apart = float(np.linalg.norm(error[6:8])), float(np.linalg.norm(error[8:11]))
-    parts = [
-        *(
-            (tilt, f"sole '{sole.frame}' is turned by {math.degrees(tilt):.2g}°")
-            for tilt, sole in zip(tilts, soles, strict=True)
-        ),
-        (away, f"the centre of mass is {1e3 * away:.2g} mm beside the middle of the soles"),
-        (apart, f"the soles are {1e3 * apart:.2g} mm from level and side by side"),
-    ]
-    return " and ".join(text for size, text in sorted(parts, reverse=True)[:2] if size > SOLVED)
 
 
 def heading(model: pin.Model, soles: tuple[Sole, ...], feet_found: bool) -> float:

@@ -14,7 +14,7 @@ from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
 from wbc.robots.derivation.complete import FileRobot
 from wbc.robots.notes import UNMODELLED, listed
-from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers import drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.actuators_mjcf import driven
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.readers.forces_mjcf import unmodelled
@@ -83,18 +83,18 @@ def _origin(source: object) -> str:
 
 def _tree_of(
     model: mujoco.MjModel, root: str | None, lock: Mapping[str, float], fixed: bool
-) -> tuple[Tree, list[chains_mjcf.Chain], list[str], list[str]]:
+) -> tuple[Tree, list[mechanism_mjcf.Chain], list[str], list[str]]:
     """Return the robot, its closed chains, and its joints without a drive: those that are fixed, those that are not."""
     tree = tree_mjcf.find_tree(model, root, lock, fixed)
     passive = drives_mjcf.passive_joints(tree)
-    moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
+    moved_along = passive.keys() & mechanism_mjcf.joints_between(tree, mechanism_mjcf.find_chains(tree))
     passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
     if (
         passive
     ):  # which joints have no drive is known of a tree alone: it is found once more with these locked
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
-    chains = chains_mjcf.find_chains(tree)
-    idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))
+    chains = mechanism_mjcf.find_chains(tree)
+    idle = sorted(moved_along & mechanism_mjcf.joints_between(tree, chains))
     return tree, chains, [*passive, *tree.ball_joints()], idle
 
 
