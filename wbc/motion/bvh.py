@@ -170,16 +170,13 @@ def _frames(text: str, joints: Sequence[_Joint]) -> tuple[Array, float]:
     columns = [f"{channel} of joint '{joint.name}'" for joint in joints for channel in joint.channels or ()]
     if not columns:
         raise InputError("no joint has a channel, so that nothing moves")
-    words = text[found.end() :].split()
-    try:
-        values = np.array(words, dtype=float)
-        good = bool((abs(values) <= FARTHEST).all())
-    except ValueError:
-        good = False
-    if not good:
-        for i, word in enumerate(words):
-            _number(f"{columns[i % len(columns)]} in frame {i // len(columns)}", word)
-    whole, rest = divmod(len(words), len(columns))
+    values = np.array(text[found.end() :].split(), dtype=float)
+    if (far := np.flatnonzero(~(abs(values) <= FARTHEST))).size:
+        frame, column = divmod(int(far[0]), len(columns))
+        raise InputError(
+            f"{columns[column]} in frame {frame} must be within ±{FARTHEST:g}, got {values[far[0]]:g}"
+        )
+    whole, rest = divmod(len(values), len(columns))
     if rest or whole != count:
         raise InputError(
             f"'Frames: {count}' does not fit: the file holds {whole} frames of {len(columns)} numbers, and {rest} "
