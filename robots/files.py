@@ -21,7 +21,6 @@ from typing import Any
 
 from wbc.base.errors import InputError, names_in, shown_path
 from wbc.base.files import decoding, first_tag, home_path, read_text, read_toml, write_text
-from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
@@ -66,9 +65,8 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
     """Return the description of an MJCF or a URDF with some parameters of its reader as plain values."""
     with decoding(path, "robot that can be read"):
         known = {"name": path.stem, **{name: _typed(name, value) for name, value in parameters.items()}}
-        if first_tag(read_text(path, "robot file")) == "robot":
-            return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
-        return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
+        is_urdf = first_tag(read_text(path, "robot file")) == "robot"
+        return (RobotDescription.from_urdf if is_urdf else RobotDescription.from_mjcf)(path, **known)
 
 
 def write(target: Path, path: Path, parameters: Mapping[str, Any]) -> None:

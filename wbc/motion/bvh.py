@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.base.errors import InputError, choose, shown
+from wbc.base.errors import InputError, choose
 from wbc.base.files import decoding
 from wbc.base.numbers import Array
 from wbc.motion.skeleton import MOST_JOINTS
@@ -135,11 +135,7 @@ def _joint(word: str, name: str, joints: list[_Joint], opened: list[int]) -> _Jo
 
 def _number(what: str, text: str) -> float:
     """Return a number of the file, `what` in messages."""
-    try:
-        value = float(text)
-    except ValueError:
-        comma = " with a decimal point, not a comma" if "," in text else ""
-        raise InputError(f"{what} must be a number{comma}, got {shown(text)}") from None
+    value = float(text)
     if not abs(value) <= FARTHEST:
         raise InputError(f"{what} must be within ±{FARTHEST:g}, got {value:g}")
     return value
