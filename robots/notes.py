@@ -3,23 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 UNMODELLED = "not in the controller's model: "
 """Beginning of a note on a force that the controller does not know of."""
-
-
-@dataclass
-class Notes:
-    """Remarks on how a robot was read and derived, one line each.
-
-    Attributes:
-        derived: Values that were derived, and what was left out.
-        doubtful: What is doubtful, or in the file and not in the description, such as a force.
-    """
-
-    derived: list[str] = field(default_factory=list)
-    doubtful: list[str] = field(default_factory=list)
 
 
 def listed(names: Sequence[str]) -> str:

@@ -20,7 +20,6 @@ from wbc.robots.derivation.legs import heading
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.derivation.soles import SoleFinder, Soles, check_sides, refuse_at_ankle
 from wbc.robots.mechanism import Mechanism, unlimited
-from wbc.robots.notes import Notes
 from wbc.robots.options import DescriptionOptions
 
 Description = TypeVar("Description")
@@ -50,19 +49,14 @@ class FileRobot:
         mechanism: Function that returns its links and joints, with a link above the root that is turned by an angle,
             rad.
         name: Its name; that of the mechanism's model when None.
-        source: Origin of the model.
         notes: Remarks of the reader.
         find_soles: Finder of the soles; None for a robot without feet, such as one that is bolted to the world.
         named: True if the soles are given by name or place, False if it is left to `find_soles` which foot is the left
             one.
-        package_dirs: Folders with the meshes.
         postures: Postures of the file that may be half-sitting, name and joint → position.
-        closures: Closures of its kinematic chains.
-        passive: Joints of the file without a drive.
-        imu: Frame of the inertial measurement unit; None if the file does not say.
         joints: Drives and passive properties of its joints.
 
-    `sensors` and `locked` are those of `RobotDescription`.
+    The others are those of `RobotDescription`.
     """
 
     mechanism: Callable[[float], Mechanism]
@@ -96,29 +90,29 @@ def complete(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles, as feet=False is; "
             "give no left_sole and right_sole"
         )
-    notes = Notes([*read.notes], [*read.doubtful])
+    derived, doubtful = [*read.notes], [*read.doubtful]
     imu = options.get("imu")
     if imu is None and read.imu is not None:
         imu = read.imu
-        notes.derived.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
+        derived.append(f"IMU: site '{imu.frame}' on link '{imu.link}'")
     name, joints = name or read.name, read.joints
-    robot, model, soles = _on_soles(read, name, options, notes)
+    robot, model, soles = _on_soles(read, name, options, derived)
     given, sole_frames = options.get("half_sitting") or {}, tuple(sole.frame for sole in soles)
-    sitting = posture.half_sitting(model, soles, given, notes.derived, read.postures)
+    sitting = posture.half_sitting(model, soles, given, derived, read.postures)
     if closures := (*read.closures, *(options.get("closures") or ())):
         sitting = chains.close(model, sole_frames, sitting, given, closures)
     q = posture.standing_configuration(model, sole_frames, sitting)
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
     mass = pin.computeTotalMass(model)
-    robot = _driven(robot, model, soles, mass * GRAVITY * com_height, notes)
+    robot = _driven(robot, model, soles, mass * GRAVITY * com_height, derived, doubtful)
     rotors, armature = ARMATURE_RATIO * mass * com_height**2, options.get("armature")
     if armature is None or isinstance(armature, Mapping):
         armature = {**joints.armature, **(armature or {})}
-    armature = defaults.complete_armature([*sitting], armature, rotors, notes.derived)
+    armature = defaults.complete_armature([*sitting], armature, rotors, derived)
     limited = options.get("torque_limits") or {}
     if (torso := options.get("torso")) is None:
         torso = defaults.find_torso(model, soles)
-        notes.derived.append(f"torso: link '{torso}'")
+        derived.append(f"torso: link '{torso}'")
     choose("link", torso, frames.link_names(model))
     return kind(
         name=name or robot.model.name,
@@ -127,7 +121,7 @@ def complete(
         half_sitting=sitting,
         armature=armature,
         torso=torso,
-        imu=defaults.complete_imu(model, imu, notes.derived),
+        imu=defaults.complete_imu(model, imu, derived),
         hands=options.get("hands") or {},
         servo=options.get("servo") or ServoRule(),
         gains={**joints.gains, **(options.get("gains") or {})},
@@ -147,23 +141,23 @@ def complete(
         height=options.get("height"),
         source=provenance or read.source,
         licence=options.get("licence", "unknown"),
-        derived=tuple(notes.derived),
-        doubtful=tuple(notes.doubtful),
+        derived=tuple(derived),
+        doubtful=tuple(doubtful),
     )
 
 
 def _on_soles(
-    read: FileRobot, name: str | None, options: DescriptionOptions, notes: Notes
+    read: FileRobot, name: str | None, options: DescriptionOptions, derived: list[str]
 ) -> tuple[Mechanism, pin.Model, Soles]:
     """Return the mechanism, its root turned to where the feet point, its model with the soles, and these."""
     limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
     robot = read.mechanism(0.0).with_limits(*limits)
     name = name or robot.model.name
-    notes.derived += [
+    derived += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
         for each, coupling in robot.couplings.items()
     ]
-    model = robot.coupled(name, notes.derived)
+    model = robot.coupled(name, derived)
     if read.find_soles is None:
         return robot, model, ()
     remarks = list[str]()
@@ -171,13 +165,13 @@ def _on_soles(
     if turn := heading(model, soles, not read.named):
         robot = read.mechanism(turn).with_limits(*limits)
         model = robot.coupled(name)
-        notes.derived.append(
+        derived.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link "
             f"'{frames.carrier_link(model, 1)}'"
         )
         remarks.clear()
         soles = _add_soles(model, read.find_soles, turn, remarks)
-    notes.derived += remarks
+    derived += remarks
     check_sides(model, soles)
     for sole in soles:
         refuse_at_ankle(model, sole)
@@ -185,7 +179,12 @@ def _on_soles(
 
 
 def _driven(
-    robot: Mechanism, model: pin.Model, soles: Soles, weight_moment: float, notes: Notes
+    robot: Mechanism,
+    model: pin.Model,
+    soles: Soles,
+    weight_moment: float,
+    derived: list[str],
+    doubtful: list[str],
 ) -> Mechanism:
     """Return a mechanism with torque limits for all joints; `weight_moment` is m g h, Nm."""
     if not (missing := unlimited(model)):
@@ -197,8 +196,8 @@ def _driven(
         )
     torques = defaults.torque_limits(model, soles, missing, weight_moment)
     listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
-    notes.derived.append(f"torque limits not given, from mass and size (Nm): {listed}")
-    notes.doubtful.append("torque limits that the file does not give are guessed from mass and size")
+    derived.append(f"torque limits not given, from mass and size (Nm): {listed}")
+    doubtful.append("torque limits that the file does not give are guessed from mass and size")
     return robot.with_limits(torque=torques)
 
 

@@ -70,46 +70,45 @@ class Rectangle(NamedTuple):
     width: float
 
 
-class FootGeometry(NamedTuple):
-    """Parts from which the rectangles of soles are made.
-
-    Attributes:
-        shapes: Shapes of the robot.
-        size: Given length and width, m; None for those of the shapes.
-        package_dirs: Folders with the meshes.
-    """
-
-    shapes: Sequence[Geometry]
-    size: tuple[float, float] | None
-    package_dirs: tuple[str, ...]
-
-
 def find_soles(
-    geometry: FootGeometry,
+    shapes: Sequence[Geometry],
+    size: tuple[float, float] | None,
+    package_dirs: tuple[str, ...],
     given: tuple[str | FrameDescription, str | FrameDescription],
     model: pin.Model,
     _: float,
     notes: list[str],
 ) -> Soles:
-    """Return given soles, left and right; see `complete_sole`."""
-    pairs = zip(frames.SOLE_NAMES, given, strict=True)
-    return tuple(complete_sole(geometry, model, name, each, notes) for name, each in pairs)
+    """Return given soles, left and right, with their frames and rectangles; `notes` gets a line for each rule.
 
-
-def complete_sole(
-    geometry: FootGeometry, model: pin.Model, name: SoleName, given: str | FrameDescription, notes: list[str]
-) -> Sole:
-    """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
-
-    What is given is a frame of the URDF, a placement in a link, or the whole description.
+    What is given is a frame of the URDF, a placement in a link, or the whole description. `size` is length and width,
+    m; that of the shapes when None. `package_dirs` are the folders with the meshes.
     """
+    pairs = zip(frames.SOLE_NAMES, given, strict=True)
+    return tuple(_sole(shapes, size, package_dirs, model, name, each, notes) for name, each in pairs)
+
+
+def _sole(
+    shapes: Sequence[Geometry],
+    given_size: tuple[float, float] | None,
+    package_dirs: tuple[str, ...],
+    model: pin.Model,
+    name: SoleName,
+    given: str | FrameDescription,
+    notes: list[str],
+) -> Sole:
     if isinstance(given, Sole):
         if given.name != name:
             raise InputError(f"the sole given for '{name}' is called '{given.name}'")
         frames.body_frame(model, given.link)
         return given
     # The rectangle is looked for in a frame with the axes of the base: x forward, z away from the ground.
-    frame, link, place = _place_of(model, name, given)
+    if isinstance(given, str):
+        frame, (link, place) = given, frames.carrier(model, given)
+    else:
+        frames.body_frame(model, given.link)
+        frame, link, place = given.frame, given.link, given.placement
+        frame = f"{name}_sole" if model.existFrame(frame) else frame
     data, body = model.createData(), frames.body_frame(model, link)
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     in_base = data.oMi[body.parentJoint] * body.placement * place
@@ -118,13 +117,15 @@ def complete_sole(
         place = place * pin.SE3(in_base.rotation.T, np.zeros(3))
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
     there = pin.Frame(frame, body.parentJoint, 0, body.placement * place, pin.FrameType.OP_FRAME)
-    found = sole_rectangle(geometry.shapes, model, there, geometry.package_dirs)
-    odd = "" if found is None else _odd(found, in_base)
+    found = sole_rectangle(shapes, model, there, package_dirs)
+    odd = ""
+    if found is not None and not plausible(*found[1:], float(np.linalg.norm(in_base.translation))):
+        odd = no_sole(*found[1:])
     rectangle = None if odd else found
     if odd:
         notes.append(f"{name}: {odd}")
     hip = data.oMi[model.supports[body.parentJoint][2]].translation[2] if body.parentJoint > 1 else 0.0
-    size = geometry.size or _sides(name, rectangle, float(hip - in_base.translation[2]), notes)
+    size = given_size or _sides(name, rectangle, float(hip - in_base.translation[2]), notes)
     centre = np.zeros(3) if rectangle is None else rectangle.centre
     if isinstance(given, str) and (turned or np.linalg.norm(centre) >= SAME_PLACE):
         frame, place = f"{name}_sole", place * along(centre)
@@ -135,25 +136,11 @@ def complete_sole(
     return sole
 
 
-def _odd(found: Rectangle, in_base: pin.SE3) -> str:
-    """Return why a rectangle is none of a sole, at its place in the base; empty for one that is."""
-    sides = found.length, found.width
-    return "" if plausible(*sides, float(np.linalg.norm(in_base.translation))) else no_sole(*sides)
-
-
 def sole_at(place: FrameDescription, name: SoleName, size: tuple[float, float]) -> Sole:
     """Return the sole of a length and a width, m, at a place."""
     return Sole(
         place.frame, place.link, place.translation, place.rpy, name=name, length=size[0], width=size[1]
     )
-
-
-def _place_of(model: pin.Model, name: SoleName, given: str | FrameDescription) -> tuple[str, str, pin.SE3]:
-    """Return the frame of a sole that is given as a frame or a placement, its link, and its place there."""
-    if isinstance(given, str):
-        return given, *frames.carrier(model, given)
-    frames.body_frame(model, given.link)
-    return f"{name}_sole" if model.existFrame(given.frame) else given.frame, given.link, given.placement
 
 
 def _sides(name: SoleName, rectangle: Rectangle | None, hip: float, notes: list[str]) -> tuple[float, float]:

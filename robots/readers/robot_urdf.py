@@ -11,7 +11,7 @@ from wbc.base.files import home_path
 from wbc.core.frames import FrameDescription
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation.complete import FileRobot
-from wbc.robots.derivation.soles import FootGeometry, find_soles
+from wbc.robots.derivation.soles import find_soles
 from wbc.robots.mesh_files import mesh_folders
 
 
@@ -36,7 +36,7 @@ def read(
     locked, changes = tidying.tidy(robot, fixed, lock, repair)
     finder = None
     if left is not None and right is not None and not fixed:
-        finder = partial(find_soles, FootGeometry(robot.shapes, sole_size, folders), (left, right))
+        finder = partial(find_soles, robot.shapes, sole_size, folders, (left, right))
     return FileRobot(
         mechanism=partial(robot.mechanism, fixed),
         source=str(source) if is_file else "URDF string",
