@@ -47,10 +47,7 @@ HASHED = (
     *("soles", "imu", "torso", "servo", "base", "half_sitting", "armature", "hands", "gains", "damping"),
     *("frictionloss", "springs", "torque_ranges", "foot_inertia", "closures", "passive"),
 )
-"""Data that models are made from beside the mechanism, in the order of their hash; further fields come behind."""
-
-UNHASHED = {"hashed": False}
-"""Metadata of fields that no model depends on, and of the mechanism, which is hashed as a URDF."""
+"""Data that models are made from beside the mechanism, which is hashed as a URDF, in the order of their hash."""
 
 
 @checked
@@ -95,8 +92,8 @@ class RobotDescription:
             does not have; `doubts` adds what the values say.
     """
 
-    name: str = field(metadata=UNHASHED)
-    mechanism: Mechanism = field(metadata=UNHASHED)
+    name: str
+    mechanism: Mechanism
     soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
     armature: Annotated[Mapping[str, NonNegative], "kg m²"]
@@ -112,14 +109,14 @@ class RobotDescription:
     passive: tuple[str, ...] = ()
     closures: tuple[Closure, ...] = ()
     foot_inertia: Mapping[str, Inertia] = field(default_factory=dict)
-    locked: Mapping[str, float] = field(default_factory=dict, metadata=UNHASHED)
-    sensors: Mapping[str, str] = field(default_factory=dict, metadata=UNHASHED)
-    package_dirs: tuple[str, ...] = field(default=(), metadata=UNHASHED)
-    height: Annotated[Positive, "m"] | None = field(default=None, metadata=UNHASHED)
-    source: str = field(default="given by the user", metadata=UNHASHED)
-    licence: str = field(default="unknown", metadata=UNHASHED)
-    derived: tuple[str, ...] = field(default=(), metadata=UNHASHED)
-    doubtful: tuple[str, ...] = field(default=(), metadata=UNHASHED)
+    locked: Mapping[str, float] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
+    package_dirs: tuple[str, ...] = ()
+    height: Annotated[Positive, "m"] | None = None
+    source: str = "given by the user"
+    licence: str = "unknown"
+    derived: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -386,8 +383,7 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of all data that models are made from, 12 hexadecimal digits."""
-        further = {item.name for item in fields(self) if item.metadata != UNHASHED} - {*HASHED}
-        values = [getattr(self, name) for name in (*HASHED, *sorted(further))]
+        values = [getattr(self, name) for name in HASHED]
         content = (
             write_urdf.write(self.mechanism, "", {}, shapes=True),
             *(sorted(value.items()) if isinstance(value, Mapping) else value for value in values),
