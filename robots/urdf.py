@@ -150,10 +150,6 @@ class Urdf:
             while (above := direct.get(coupling.leader)) is not None:
                 seen.append(coupling.leader)
                 if seen.count(coupling.leader) > 1:
-                    if len(set(seen)) == 1:
-                        raise ModelError(
-                            f"joint '{name}' is coupled to itself; name another joint as its leader"
-                        )
                     raise ModelError(
                         f"joints {', '.join(map(repr, dict.fromkeys(seen)))} are coupled to each other: none of them "
                         "leads; take the coupling of one of them out"
