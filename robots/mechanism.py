@@ -93,7 +93,7 @@ class Mechanism:
 
         `notes` gets a line for each limit of a leader that its followers narrow.
         """
-        model, couplings = self.model.copy(), self.couplings
+        model, couplings = self.model, self.couplings
         if "universe" in list(model.names)[1:]:
             raise ModelError("joint 'universe' has the name of Pinocchio's world: rename it")
         count = model.njoints - 1 - is_floating(model) - len(couplings)
@@ -101,6 +101,8 @@ class Mechanism:
             raise ModelError(
                 f"'{name}' must have 1 to {MOST_JOINTS} joints that move, got {count}: lock, or free, some"
             )
+        order = _leaders_first(model, couplings)
+        model = model.copy() if order == sorted(order) else self._reordered(order)
         if couplings:
             model = coupled(model, couplings, [] if notes is None else notes)
         model.name = name
@@ -169,6 +171,18 @@ class Mechanism:
             "couplings": couplings,
             "shapes": shapes,
         }
+
+    def _reordered(self, order: list[int]) -> pin.Model:
+        """Return the model with its joints in another order of depth first."""
+        plain, number = self.to_plain(), {old: new for new, old in enumerate(order)}
+        joints = [plain["joints"][joint - 1] for joint in order[1:]]
+        frames = plain["frames"]
+        changed = {
+            "joints": [joint | {"parent": number[joint["parent"]]} for joint in joints],
+            "frames": [(name, kind, number[joint], *rest) for name, kind, joint, *rest in frames],
+            "carried": [plain["carried"][joint] for joint in order],
+        }
+        return self._from_plain(plain | changed).model
 
     @classmethod
     def from_plain(cls, values: Any) -> Mechanism:
@@ -309,7 +323,6 @@ def coupled(model: pin.Model, couplings: Mapping[str, Coupling], notes: list[str
     """Return a model in which joints move with their leaders; `notes` gets the limits that they narrow."""
     for name, coupling in couplings.items():
         _narrow(model, name, coupling, notes)
-    model = _leaders_first(model, couplings)
     for name, coupling in couplings.items():
         leader, follower = model.getJointId(coupling.leader), model.getJointId(name)
         if leader > follower:
@@ -344,8 +357,8 @@ def _narrow(model: pin.Model, name: str, coupling: Coupling, notes: list[str]) -
         notes.append(f"joint '{coupling.leader}': at most {fastest:g} a second, for '{name}', coupled to it")
 
 
-def _leaders_first(model: pin.Model, couplings: Mapping[str, Coupling]) -> pin.Model:
-    """Return the model with branches in an order in which leaders come before what follows them, if there is one."""
+def _leaders_first(model: pin.Model, couplings: Mapping[str, Coupling]) -> list[int]:
+    """Return the joints with branches in an order in which leaders come before what follows them, if there is one."""
     below = [set(subtree) for subtree in model.subtrees]
     pairs = [(model.getJointId(name), model.getJointId(each.leader)) for name, each in couplings.items()]
     order: list[int] = []
@@ -366,31 +379,4 @@ def _leaders_first(model: pin.Model, couplings: Mapping[str, Coupling]) -> pin.M
             visit(chosen)
 
     visit(0)
-    return model if order == sorted(order) else _reordered(model, order)
-
-
-def _reordered(model: pin.Model, order: list[int]) -> pin.Model:
-    """Return a model with its joints in another order of depth first."""
-    made, number = pin.Model(), {0: 0}
-    made.inertias[0] = model.inertias[0]
-    for joint in order[1:]:
-        kind = model.joints[joint]
-        number[joint] = made.addJoint(
-            number[model.parents[joint]], kind, model.jointPlacements[joint], model.names[joint]
-        )
-        made.inertias[number[joint]] = model.inertias[joint]
-        own = made.joints[number[joint]]
-        for limits in ("lowerPositionLimit", "upperPositionLimit"):
-            getattr(made, limits)[own.idx_q : own.idx_q + own.nq] = getattr(model, limits)[
-                kind.idx_q : kind.idx_q + kind.nq
-            ]
-        for limits in ("upperVelocityLimit", "upperEffortLimit"):
-            getattr(made, limits)[own.idx_v : own.idx_v + own.nv] = getattr(model, limits)[
-                kind.idx_v : kind.idx_v + kind.nv
-            ]
-    for frame in list(model.frames)[1:]:  # of the same numbers, parents first
-        joint = number[frame.parentJoint]
-        made.addFrame(
-            pin.Frame(frame.name, joint, frame.parentFrame, frame.placement, frame.type, frame.inertia), False
-        )
-    return made
+    return order
