@@ -111,11 +111,7 @@ class GroundScan:
         self.start()
 
     def start(self, forward: ArrayLike = (1.0, 0.0)) -> None:
-        """Forget all hits and scan along a new direction.
-
-        Args:
-            forward: Walking direction in the world's x–y plane, any length, shape (2,).
-        """
+        """Forget all hits and scan along a direction in the world's x–y plane, any length, shape (2,)."""
         given = finite_array("walking direction", forward, (2,))
         norm = math.hypot(*given)
         if norm < ROUNDING:
@@ -126,15 +122,10 @@ class GroundScan:
         self.hits = self.lost = self.outside = 0
 
     def add(self, position: Numbers, ray: Numbers, distance: float) -> bool:
-        """Add one reading. A controller gives estimated poses, the true ones are known in a simulator alone.
+        """Add one reading, m, which is NaN or infinite without a hit; return True if it was used.
 
-        Args:
-            position: Sensor in the world, shape (3,), m.
-            ray: Unit vector of its ray in the world, shape (3,).
-            distance: Reading, m; NaN or infinite without a hit.
-
-        Returns:
-            True if the reading was used.
+        Position of the sensor, m, and unit vector of its ray have shape (3,), in the world. A controller gives
+        estimated poses, the true ones are known in a simulator alone.
         """
         if not math.isfinite(distance):
             self.lost += 1

@@ -85,13 +85,7 @@ class StiffnessActuator:
         return StiffnessState(k, k, k)
 
     def advance(self, state: StiffnessState, command: float, duration: float) -> StiffnessState:
-        """Return the state after a command was held for some time.
-
-        Args:
-            state: State at the start.
-            command: Commanded stiffness, Nm/rad.
-            duration: Duration, s.
-        """
+        """Return the state after a command, Nm/rad, was held for a duration, s."""
         target = self.check(command)
         left = finite_scalar("duration (s)", duration, low=0.0)
         if self.acts_at_once:

@@ -86,11 +86,7 @@ def foot_name(design: Foot) -> str:
 
 
 def register_foot(name: str, kind: type[Foot]) -> None:
-    """Register a foot of your own under a name.
-
-    Args:
-        name: Name for `foot` and the command line.
-        kind: Class with `@settings` (`wbc.base.settings`), derived from `Foot`.
+    """Register a foot of your own, a class with `@settings` derived from `Foot`, for `foot` and the command line.
 
     Raises:
         InputError: The name is taken by another foot, or the constructor of the class does not know its fields, because

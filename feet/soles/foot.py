@@ -9,28 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator
 from scipy.spatial.transform import Rotation
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.contact import ContactSpheres
-
-
-def _quaternion(rotation: Any) -> tuple[float, ...]:
-    """Return a rotation, given as unit quaternion xyzw or as matrix, as unit quaternion xyzw."""
-    given = finite_array("sole rotation", rotation)
-    if given.shape == (3, 3):
-        if not np.allclose(given @ given.T, np.eye(3), atol=1e-6) or np.linalg.det(given) < 0:
-            raise InputError(f"sole rotation must be a right-handed rotation matrix, got {given.tolist()}")
-        given = Rotation.from_matrix(given).as_quat()
-    elif given.shape != (4,) or abs(np.linalg.norm(given) - 1.0) > 1e-6:
-        raise InputError(
-            f"sole rotation must be a unit quaternion xyzw or a 3 x 3 matrix, got {given.tolist()}"
-        )
-    return tuple(given.tolist())
 
 
 @settings
@@ -46,7 +31,7 @@ class AnkleSole:
     Attributes:
         ankle_link: Body that carries the sole.
         translation: Sole centre in the ankle link, m.
-        rotation: Sole axes in the ankle link, unit quaternion xyzw; a 3 × 3 matrix is accepted and converted.
+        rotation: Sole axes in the ankle link, unit quaternion xyzw.
         length: Extent along x, m.
         width: Extent along y, m.
         spacing: Lateral distance between the two sole centres when standing, m; None leaves it unchecked.
@@ -54,12 +39,14 @@ class AnkleSole:
 
     ankle_link: str
     translation: Annotated[tuple[float, float, float], "m"]
-    rotation: Annotated[tuple[float, float, float, float], BeforeValidator(_quaternion)]
+    rotation: tuple[float, float, float, float]
     length: Annotated[Positive, "m"]
     width: Annotated[Positive, "m"]
     spacing: Annotated[Positive, "m"] | None = None
 
     def __post_init__(self) -> None:
+        if abs(np.linalg.norm(self.rotation) - 1.0) > 1e-6:
+            raise InputError(f"sole rotation must be a unit quaternion xyzw, got {self.rotation}")
         if self.ankle[2] <= 0.0:
             raise InputError(
                 f"the ankle of '{self.ankle_link}' must lie above its sole, got a height "
@@ -186,11 +173,7 @@ class Foot(ABC):
 
     @abstractmethod
     def fit(self, sole: AnkleSole) -> FootFit:
-        """Return the data of the foot under an ankle, in place of the robot's own sole.
-
-        Args:
-            sole: The robot's own sole.
-        """
+        """Return the data of the foot under an ankle, in place of the robot's own sole."""
 
     @abstractmethod
     def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:

@@ -18,7 +18,7 @@ from wbc._version import __version__
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.files import naming, parsing, read_text, write_text
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import Count, NonNegative, Positive, from_json, settings, to_json
 from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -151,23 +151,26 @@ class ModelSettings:
         _parsed(self.features)
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """Prediction of a model for one profile.
+@dataclass(frozen=True)
+class StiffnessDecision:
+    """Answer of a model, or of a stiffness policy.
 
     Attributes:
-        stiffness: Stiffness to command, Nm/rad.
-        cluster: Number of its cluster, from 1.
-        distance: Distance to the nearest training profile, in standard deviations of the features.
-        familiar: False if that distance exceeds the reach of the model.
-        features: Values of the features, shape (number of features,).
+        stiffness: Stiffness to set, Nm/rad.
+        cluster: Cluster of the ground, from 1; None without clusters.
+        familiar: False if the ground is unlike all grounds that the model knows: the scheduler then falls back.
+        distance: Distance to the nearest known ground, in standard deviations of the features; None if unknown.
+        features: Features that the decision is based on, name → value.
     """
 
     stiffness: float
-    cluster: int
-    distance: float
-    familiar: bool
-    features: Array
+    cluster: int | None = None
+    familiar: bool = True
+    distance: float | None = None
+    features: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        finite_scalar("stiffness that a policy wants (Nm/rad)", self.stiffness)
 
 
 @checked
@@ -269,7 +272,7 @@ class StiffnessModel:
         """Cluster of each training profile, from 1, shape (n,)."""
         return self.settings.clusters.of(self.stiffness)
 
-    def predict(self, values: ArrayLike) -> Prediction:
+    def predict(self, values: ArrayLike) -> StiffnessDecision:
         """Return the prediction for one profile of some roughness parameters, shape (10,) or (11,) with compliance."""
         features = feature_values(values, self.settings.features)
         if features.ndim != 1:
@@ -289,7 +292,8 @@ class StiffnessModel:
             best = self.stiffness[nearest]
             stiffness = float(np.clip(weight @ best / weight.sum(), best.min(), best.max()))  # it is rounded
             cluster = int(clusters.of(stiffness))
-        return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
+        seen = dict(zip(self.settings.features, features.tolist(), strict=True))
+        return StiffnessDecision(stiffness, cluster, closest <= self.reach, closest, seen)
 
     @checked
     def save(self, path: str | Path) -> None:

@@ -208,14 +208,9 @@ class _TrackMeter(TrialHook):
 def track_motion(
     clip: MotionClip, spec: TrackSpec | None = None, *, hooks: Sequence[TrialHook] = ()
 ) -> TrackResult:
-    """Track a clip in the simulator; see `TrackTrial`.
+    """Track a feasible clip in the simulator; see `TrackTrial`. Hooks observe every tick.
 
-        result = track_motion(make_feasible(robot, clip).clip, TrackSpec(robot="talos"))
-
-    Args:
-        clip: Feasible clip.
-        spec: Specification of the trial; the defaults when None.
-        hooks: Hooks that observe every tick; they do not change the result.
+    result = track_motion(make_feasible(robot, clip).clip, TrackSpec(robot="talos"))
     """
     result: TrackResult = TrackTrial(clip, spec).run(hooks)
     return result

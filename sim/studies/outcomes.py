@@ -81,12 +81,7 @@ KINDS: Registry[TrialKind] = Registry("trial kind", group="wbc.trials", check=_c
 
 
 def register_trial(name: str, kind: TrialKind) -> None:
-    """Register a kind of trial.
-
-    Args:
-        name: The `kind` of its specs.
-        kind: Functions that read and run specs of this kind.
-    """
+    """Register functions that read and run specs of a kind by the name that the specs have as their `kind`."""
     KINDS.add(name, kind)
 
 

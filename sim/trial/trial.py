@@ -169,10 +169,7 @@ class Trial(Generic[ControlT, ResultT]):
         return self.control.fallen or (None if self.plant.diverged else self.true_fall())
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> ResultT:
-        """Run a trial that has an end, and return its result; a trial can run only once.
-
-        Args:
-            hooks: Hooks that observe.
+        """Run a trial that has an end, with hooks that observe, and return its result; a trial can run only once.
 
         Raises:
             InputError: The trial has been run.

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array, finite_scalar
+from wbc.base.numbers import Array
 from wbc.base.registry import Registry, call_checked
 from wbc.base.settings import NonNegative, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, roughness
 from wbc.feet.sensing.scan import Profile, ScanSettings
-from wbc.feet.stiffness.model import StiffnessModel, default_model
+from wbc.feet.stiffness.model import StiffnessDecision, StiffnessModel, default_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,28 +47,6 @@ class SwingScan:
     actual: float
     profile: Profile | None
     compliance: float = 0.0
-
-
-@dataclass(frozen=True)
-class StiffnessDecision:
-    """A policy's answer.
-
-    Attributes:
-        stiffness: Stiffness to set, Nm/rad.
-        cluster: Cluster of the ground, from 1; None without clusters.
-        familiar: False if the ground is unlike all grounds that the policy knows: the scheduler then falls back.
-        distance: Distance to the nearest known ground, in deviations of the features; None if unknown.
-        features: Features that the decision is based on, name → value.
-    """
-
-    stiffness: float
-    cluster: int | None = None
-    familiar: bool = True
-    distance: float | None = None
-    features: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        finite_scalar("stiffness that a policy wants (Nm/rad)", self.stiffness)
 
 
 class StiffnessPolicy(ABC):
@@ -179,14 +157,7 @@ class ModelPolicy(StiffnessPolicy):
         recipe = self.model.recipe
         profile = swing.profile if recipe.window is None else swing.profile.last(recipe.window)
         seen = roughness(profile.x, profile.z, recipe.roughness).values
-        prediction = self.model.predict(np.append(seen, swing.compliance))
-        return StiffnessDecision(
-            stiffness=prediction.stiffness,
-            cluster=prediction.cluster,
-            familiar=prediction.familiar,
-            distance=prediction.distance,
-            features=dict(zip(self.model.settings.features, prediction.features.tolist(), strict=True)),
-        )
+        return self.model.predict(np.append(seen, swing.compliance))
 
 
 def _check(make: object) -> None:

@@ -20,7 +20,8 @@ from wbc.feet.sensing.roughness import LEAST_SAMPLES
 from wbc.feet.sensing.scan import GroundScan, Profile, ScanSettings
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
-from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingScan, as_policy
+from wbc.feet.stiffness.model import StiffnessDecision
+from wbc.tasks.scheduling.policies import PolicyLike, SwingScan, as_policy
 
 TOLERANCE = 0.05
 """Largest difference of actual and commanded stiffness that counts as reached, as a share: chosen here."""

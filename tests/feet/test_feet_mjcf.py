@@ -259,12 +259,6 @@ def test_a_range_sensor_that_sees_nothing_reads_nothing() -> None:
     )
 
 
-def test_a_sole_belongs_to_its_ankle() -> None:
-    spec = mujoco.MjSpec()
-    with pytest.raises(InputError):
-        foot("rigid").build(spec, spec.worldbody.add_body(name="shin"), "left", OWN)
-
-
 # --- standing --------------------------------------------------------------------------------------------------------
 
 

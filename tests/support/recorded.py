@@ -15,9 +15,10 @@ from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
+from wbc.feet.stiffness.model import StiffnessDecision
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import terrain
-from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
+from wbc.tasks.scheduling.policies import SwingScan
 from wbc.tasks.scheduling.stiffness import StepStiffness, StiffnessScheduler, StiffnessTiming
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan

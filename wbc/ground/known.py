@@ -232,11 +232,7 @@ class KnownGround:
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
         """Return the largest height of the ground, m, under a sole on its way between two places; −inf if unknown.
 
-        Args:
-            side: Sole, 0 left, 1 right.
-            start: Place in the world at the start, shape (2,) or (3,), m.
-            end: Place at the end, shape (2,) or (3,), m.
-            yaw: Heading of the sole, rad.
+        Places in the world have shape (2,) or (3,), m; the sole, 0 left, 1 right, has a heading, rad.
         """
         if "stance" in self.doubts:
             return -math.inf
