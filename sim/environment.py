@@ -220,30 +220,25 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             raise InputError("reset the environment before the first step of each episode")
         action = finite_array("action", action, self.action_space.shape)
         self._order(trial, np.clip(action, *self._bounds))
-        alive = True
         with one_thread():
             for _ in range(self.frame_skip):
-                alive = trial.step()
-                if not alive:
+                if not trial.step():
                     break
-        info = {"time": trial.plant.time, "fall": None, "diverged": trial.diverged}
-        if trial.diverged is not None:
-            assert self._last is not None
-            self._over = True
-            self.close()
-            return self._last.copy(), -1.0, True, False, info
-        place = self._progress()
-        walks = self._task == "walk"
-        reward = place - self._reached if walks else -float(np.linalg.norm(self._over_feet()[:2]))
-        reward -= float(trial.fallen)
-        self._reached = place
-        info["fall"] = None if trial.fall is None else trial.fall.value
-        self._last = self._observation()
-        truncated = not trial.fallen and (trial.stopped or trial.plant.time >= self._seconds - ROUNDING)
-        self._over = trial.fallen or truncated
+        terminated = trial.fallen or trial.diverged is not None
+        truncated = not terminated and (trial.stopped or trial.plant.time >= self._seconds - ROUNDING)
+        reward = -float(terminated)
+        if trial.diverged is None:
+            place = self._progress()
+            off = float(np.linalg.norm(self._over_feet()[:2]))
+            reward += place - self._reached if self._task == "walk" else -off
+            self._reached, self._last = place, self._observation()
+        self._over = terminated or truncated
         if self._over:
             self.close()
-        return self._last.copy(), float(reward), trial.fallen, truncated, info
+        fall = None if trial.fall is None else trial.fall.value
+        info = {"time": trial.plant.time, "fall": fall, "diverged": trial.diverged}
+        assert self._last is not None
+        return self._last.copy(), reward, terminated, truncated, info
 
     def _spec(self, seed: int, pushes: tuple[WalkPush, ...]) -> WalkSpec:
         plan = WalkPlan(drive=((3600.0, 0.0, 0.0, 0.0),))  # steered by actions

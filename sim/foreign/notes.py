@@ -139,13 +139,25 @@ def _limp_joints(places: RobotPlaces) -> list[str]:
 
 
 def floor_of(places: RobotPlaces, robot: Robot) -> tuple[float, list[str]]:
-    """Return the height of the floor on which half-sitting stands, m, and notes on what is odd about it."""
-    data = mujoco.MjData(places.model)
-    heights = floor_under(places, robot, data)
-    if heights is None:
-        return 0.0, ["no ground under the soles at half-sitting: put there, the robot falls"]
-    ground = float(heights.max())
-    ground = ground if abs(ground) > ROUNDING else 0.0
+    """Return the height of the floor on which half-sitting stands, m, and notes on what is odd about it.
+
+    The floor is the first thing below the base that faces up, stands still and can touch the feet; where nothing is
+    below the base, the highest one. It is looked for under centre and corners of the soles.
+    """
+    data, heights = mujoco.MjData(places.model), list[float]()
+    mujoco.mj_kinematics(places.model, data)
+    floor = _floor_geoms(places)  # rays pass through all else, the robot too
+    robot.update_kinematics(robot.half_sitting, np.zeros(robot.nv))
+    hip = float(robot.placement(robot.base_frame).translation[2])
+    for sole in robot.soles:
+        place = robot.placement(sole.frame)
+        for point in (np.array(place.translation), *sole.corners(place)):
+            found = _first_below(places.model, data, point, hip, floor)
+            found = _first_below(places.model, data, point, SKY, floor) if found is None else found
+            if found is None:
+                return 0.0, ["no ground under the soles at half-sitting: put there, the robot falls"]
+            heights.append(found)
+    ground = max(heights) if abs(max(heights)) > ROUNDING else 0.0
     friction = friction_under(places, robot, data, ground)
     if friction is None or friction >= USUAL_FRICTION:
         return ground, []
@@ -153,31 +165,6 @@ def floor_of(places: RobotPlaces, robot: Robot) -> tuple[float, list[str]]:
         f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless they are "
         "given another (SoleContact(…, friction=…))"
     ]
-
-
-def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array | None:
-    """Return the heights of the floor under centre and corners of the soles at half-sitting, shape (n,), m.
-
-    The floor is the first thing below the base that faces up, stands still and can touch the feet; where nothing is
-    below the base, the highest one. None where there is none under some point. The state of `data` is lost.
-    """
-    model = places.model
-    points = []
-    robot.update_kinematics(robot.half_sitting, np.zeros(robot.nv))
-    for sole in robot.soles:
-        place = robot.placement(sole.frame)
-        points += [np.array(place.translation), *sole.corners(place)]
-    hip = float(robot.placement(robot.base_frame).translation[2])
-    mujoco.mj_kinematics(model, data)
-    floor = _floor_geoms(places)  # rays pass through all else, the robot too
-    heights = []
-    for point in points:
-        found = _first_below(model, data, point, hip, floor)
-        found = _first_below(model, data, point, SKY, floor) if found is None else found
-        if found is None:
-            return None
-        heights.append(found)
-    return np.array(heights)
 
 
 def friction_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData, ground: float) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Annotated, Protocol
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, check_parts, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command
 from wbc.machine.clock import Clock
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 
@@ -31,16 +31,6 @@ BAND_TILT, BAND_TURN = 0.05, 0.02
 
 RAISED, LOWERING, LETTING_GO = 0.05, 1.0, 1.0
 """Height by which the band holds the robot above the ground, m; times in which it is let down and then released, s."""
-
-
-class RobotWire(Protocol):
-    """The robot's end of a wire."""
-
-    def receive(self) -> tuple[bool, Command | None]:
-        """Return whether anything asked for damping, and the newest command, since the last call."""
-
-    def send(self, measurement: Measurement) -> None:
-        """Send a measurement."""
 
 
 class RobotServer:
@@ -61,7 +51,7 @@ class RobotServer:
     def __init__(
         self,
         loop: MujocoRobot,
-        wire: RobotWire,
+        wire: Any,
         *,
         watchdog: Annotated[Positive, "s"] = 0.015,
         band: Annotated[NonNegative, "s"] = 0.0,
@@ -71,7 +61,8 @@ class RobotServer:
 
         Args:
             loop: The simulated robot.
-            wire: Robot's end of the wire.
+            wire: Robot's end of the wire: `receive()` returns whether anything has asked for damping, and the newest
+                command or None, since the last call; `send(measurement)` sends one.
             watchdog: Longest time for which a command acts, s; after it the joints are damped, from the beginning of
                 the control period in which the time ends.
             band: Time for which the robot hangs on an elastic band before it is lowered, s.

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.base.numbers import Array, scalar
 from wbc.sim.plant.contacts import Contacts
@@ -104,7 +103,11 @@ class MujocoSignals(SensorVector):
         self._samples = scalar(steps)
         self._mean = np.empty(self.window.shape[1]) if hands else self._forces
         sites = [int(model.site(f"{role} site").id) for role in hands]
-        self._hands = [(site, *_subtree(model, int(model.site_bodyid[site]))) for site in sites]
+        hung = [np.flatnonzero(hanging(model, [int(model.site_bodyid[site])]) == 0) for site in sites]
+        self._hands = [  # site, bodies of the hand, their masses (kg) and centres of mass in their own frames (m)
+            (site, bodies, model.body_mass[bodies].copy(), model.body_ipos[bodies].copy())
+            for site, bodies in zip(sites, hung, strict=True)
+        ]
 
     def begin(self, data: mujoco.MjData) -> None:
         """Take the forces of a state at which a run begins, after `mj_forward`, as those of a whole period."""
@@ -148,9 +151,3 @@ class MujocoSignals(SensorVector):
             lever = (masses @ places / mass - data.site_xpos[site]) @ rotation
             wrench[:3] -= weight
             wrench[3:] -= np.cross(lever, weight)
-
-
-def _subtree(model: mujoco.MjModel, root: int) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return a body with all that hangs on it, their masses (kg) and their centres of mass in their own frames (m)."""
-    bodies: NDArray[np.intp] = np.flatnonzero(hanging(model, [root]) == 0)
-    return bodies, model.body_mass[bodies].copy(), model.body_ipos[bodies].copy()

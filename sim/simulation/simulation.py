@@ -379,7 +379,16 @@ class Simulation(ABC):
         if not isinstance(command, Command):
             raise InputError(f"a simulation takes a Command, got {shown(command)}")
         if command.period is not None and command.period != self.control_period:
-            _check_period(command.period, self.control_period)
+            own, period = (
+                self.control_period,
+                finite_scalar("period of a command (s)", command.period, above=0.0),
+            )
+            whole = round(period / own)
+            if whole < 1 or abs(whole * own - period) > ROUNDING:
+                raise InputError(
+                    f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "
+                    f"{1e3 * own:g} ms: give both the same control_period"
+                )
         return self._read(command)
 
     def _read(self, command: Command) -> Any:
@@ -472,16 +481,6 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
     for robot in robots:
         robot.ticks += 1
         robot._end_period()
-
-
-def _check_period(period: float, own: float) -> None:
-    """Check that a command is made for the control period of a simulation, s, or for a whole number of them."""
-    period = finite_scalar("period of a command (s)", period, above=0.0)
-    if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
-        raise InputError(
-            f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "
-            f"{1e3 * own:g} ms: give both the same control_period"
-        )
 
 
 def lowest_sole_point(robot: Robot, q: Array) -> float:

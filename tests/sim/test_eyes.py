@@ -206,17 +206,6 @@ def test_the_errors_of_both_toes_are_independent() -> None:
     assert abs(np.corrcoef(left, right)[0, 1]) < 0.3
 
 
-def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
-    plant = plant_of(ROBOT, terrain=make_terrain("stones", 0.05))
-    view = DepthView(EXACT, plant.places, plant.data)
-    (cloud,) = view.clouds(plant.time)
-    points = world(cloud, plant)
-    ahead = points[:, 0] > 0.4
-    assert ahead.sum() > 300
-    near = plant.terrain.height(points[ahead, 0, None] + [-1e-3, 0.0, 1e-3], points[ahead, 1, None])
-    assert (points[ahead, 2] < near.max(axis=1) + 1e-3).all()
-
-
 def test_a_camera_sees_things_before_and_after_the_robot_in_a_model() -> None:
     """Boxes of 0.1 and 0.2 m on the floor, of which one is the first body of all."""
     xml = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text(encoding="utf-8")

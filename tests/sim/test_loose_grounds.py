@@ -86,12 +86,14 @@ def test_a_robot_stands_alike_whether_the_stones_around_it_sleep(count: int) -> 
 def test_things_that_begin_inside_something_are_refused() -> None:
     """Stones on a rough ground, and a box of an own scene in another one."""
     with pytest.raises(InputError, match=r"'stone \d+' is \d+ mm inside the ground"):
-        wbc.Plant("g1", scene="loose_stones", terrain=wbc.sim.make_terrain("stones", 0.03, 1), visuals=False)
+        wbc.Plant(
+            "hrp4_class", scene="loose_stones", terrain=wbc.sim.make_terrain("stones", 0.03, 1), visuals=False
+        )
     box = '<body name="{0}" pos="{1} 0 0.05"><freejoint/><geom type="box" size="0.05 0.05 0.05"/></body>'
     for place, refused in ((1.05, True), (1.11, False)):
         scene = f"<mujoco><worldbody>{box.format('a', 1.0)}{box.format('b', place)}</worldbody></mujoco>"
         with pytest.raises(InputError, match="'a' is 50 mm inside 'b'") if refused else nullcontext():
-            wbc.Plant("g1", scene=scene, visuals=False)
+            wbc.Plant("hrp4_class", scene=scene, visuals=False)
 
 
 def test_a_kicked_stone_slides_by_its_energy_over_its_friction() -> None:
@@ -160,7 +162,7 @@ def test_a_plank_sinks_in_its_middle_by_force_times_length_squared_over_stiffnes
 
 def test_sensors_see_what_the_robot_walks_on_and_no_furniture() -> None:
     for name, seen in (("loose_stones", True), ("tilting_plates", True), ("table", False)):
-        plant = wbc.Plant("g1", scene=make_scene(name), visuals=False)
+        plant = wbc.Plant("hrp4_class", scene=make_scene(name), visuals=False)
         things = [b for b in range(plant.model.nbody) if plant.model.body(b).name.startswith("scene")]
         groups = {
             int(plant.model.geom_group[g]) for g in np.flatnonzero(np.isin(plant.model.geom_bodyid, things))

@@ -18,6 +18,7 @@ import wbc
 from wbc.base.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.sim import DivergedError, Machine, MujocoLoop, Plant, SharedPlant
+from wbc.sim.simulation.machine import steps_per_tick, whole_steps
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.loops import MEMBERS, trial_loop
 
@@ -303,3 +304,49 @@ def test_pushes_of_several_robots_end_with_a_reset() -> None:
     shared.reset()
     shared.step({"one": robot.hold()})
     assert not shared.data.xfrc_applied.any()
+
+
+def test_a_push_acts_for_its_time_and_with_a_share_of_its_force_in_its_last_step() -> None:
+    """For 2.5 steps of 2 ms: twice in full, then by half; its point is that of the frame, seen from the body."""
+    loop, force, acted = InAir("hrp4_class", timestep=0.002), np.array([10.0, -4.0, 2.0]), []
+    loop.advance = lambda torque, pushes: acted.append(pushes)  # type: ignore[method-assign, func-returns-value]
+    link, place = loop.description.attachment("left_sole")
+    loop.push("left_sole", force, 0.005, [0.01, 0.0, 0.0])
+    loop.push("torso", 2.0 * force, 0.002)
+    for _ in range(4):
+        loop.step(loop.hold())
+    assert [len(pushes) for pushes in acted] == [2, 1, 1, 0]
+    for (push, *_), share in zip(acted[:3], (1.0, 1.0, 0.5), strict=True):
+        assert push.link == link and push.point == pytest.approx(place.act(np.array([0.01, 0.0, 0.0])))
+        np.testing.assert_allclose(push.force, share * force)
+    np.testing.assert_allclose(acted[0][1].force, 2.0 * force)
+    acted.clear()
+    loop.push("torso", force, 0.006)  # three steps, but for rounding
+    for _ in range(4):
+        loop.step(loop.hold())
+    assert [len(pushes) for pushes in acted] == [1, 1, 1, 0]
+
+
+def test_a_time_is_as_many_steps_as_cover_it() -> None:
+    times = ((0.0, 0.001), (0.003, 0.001), (0.0031, 0.001), (0.0029, 0.001), (0.1, 0.002), (0.0001, 0.002))
+    assert [whole_steps(time, step) for time, step in times] == [0, 3, 4, 3, 50, 1]
+
+
+def test_a_control_period_is_a_whole_multiple_of_the_step() -> None:
+    periods = ((0.005, 0.001), (0.002, 0.002), (0.006, 0.0015), (0.1, 0.0001))
+    assert [steps_per_tick(period, step) for period, step in periods] == [5, 1, 4, 1000]
+    for period, step, near in ((0.005, 0.002, "0.004"), (0.001, 0.002, "0.002"), (0.0049, 0.001, "0.005")):
+        with pytest.raises(InputError, match=f"nearest is {near} s"):
+            steps_per_tick(period, step)
+
+
+def test_a_command_is_for_the_period_of_its_simulation_or_a_multiple_of_it() -> None:
+    plant = Plant("hrp4_class", control_period=0.004, visuals=False)
+    zero = np.zeros(plant.robot.na)
+    for period in (None, 0.004, 0.008, 0.02):
+        plant.step(Command(zero, period=period))
+    before = plant.time
+    for period in (0.002, 0.005, 0.006, 0.003, 0.0041):
+        with pytest.raises(InputError, match=f"period of {1e3 * period:g} ms.* by 4 ms"):
+            plant.step(Command(zero, period=period))
+    assert plant.time == before == pytest.approx(0.016)

@@ -131,21 +131,6 @@ def test_a_solid_is_as_high_and_as_wide_as_mujoco_has_it(seed: int) -> None:
                 assert 2.0 - far == pytest.approx(float(z[i]), abs=1e-6), type(shape)
 
 
-def test_solids_of_a_tenth_of_a_metre_of_track_share_a_body() -> None:
-    """By the middles of their footprints; the body is in the middle of the first of them."""
-    spec, t = mujoco.MjSpec(), terrain("floor_tiles", seed=1)
-    add_to_spec(spec, t)
-    model = spec.compile()
-    middles = np.array([0.5 * (s.box[0] + s.box[1]) for s in t.surface.solids])
-    bodies = np.array([model.geom(f"terrain_{i}").bodyid[0] for i in range(middles.size)])
-    slabs = np.floor(middles / 0.1)
-    assert np.unique(bodies).size == np.unique(slabs).size
-    for body in np.unique(bodies):
-        mine = middles[bodies == body]
-        assert np.unique(slabs[bodies == body]).size == 1
-        assert model.body_pos[body] == pytest.approx([mine[0], 0.0, 0.0])
-
-
 @pytest.mark.parametrize("name", ["random", "iso8608"])
 def test_rays_a_micrometre_beside_grid_lines_are_not_lost(name: str) -> None:
     t = terrain(name, seed=2)
@@ -199,11 +184,7 @@ def test_a_map_shows_the_height_at_the_middle_of_each_of_its_pixels() -> None:
     x, y = x0 + (np.arange(columns) + 0.5) * 0.004, y0 + (np.arange(rows) + 0.5) * 0.004
     np.testing.assert_allclose(shown, 1e3 * ground.height(x[None, :], y[:, None]), atol=1e-9)
     assert image.get_clim()[0] < shown.min() - 0.5 * np.ptp(shown)
-    assert [_number("Sa", "m", 0.0123), _number("P", "", 0.5), _number("M", "m2", 2e-6)] == [
-        "Sa 12.3 mm",
-        "P 0.5",
-        "M 2 mm²",
-    ]
+    assert (_number("Sa", "m", 0.0123), _number("M", "m2", 2e-6)) == ("Sa 12.3 mm", "M 2 mm²")
 
 
 def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,15 +193,11 @@ def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch
     monkeypatch.setattr(plot, "save_figure", lambda figure, path, dpi: drawn.append(figure))
     ground = terrain("steps", 0.06, seed=3, direction="up")
     plot_terrain(ground, "one.svg")
-    top, below, bar = drawn[0].axes
-    assert top.get_title().startswith("steps: amplitude 60 mm, seed 3 - ") and bar.get_ylabel() == "z (mm)"
+    top, below, _ = drawn[0].axes
     assert tuple(top.get_images()[0].get_extent()) == ground.extent
     x, z = (np.asarray(values) for values in below.get_lines()[0].get_data())
     assert (x[0], x[-1]) == pytest.approx(ground.extent[:2]) and np.diff(x) == pytest.approx(0.001)
     np.testing.assert_allclose(z, 1e3 * ground.height(x, 0.0), atol=1e-9)
-    assert below.get_xlim() == pytest.approx(ground.extent[:2])
-    low = below.collections[0].get_paths()[0].vertices[:, 1].min()
-    assert low == pytest.approx(1e3 * ground.height(x, 0.0).min())
     title = below.get_title()
     for name, unit, value in zip(PARAMETERS, UNITS, ground.roughness().values, strict=True):
         assert _number(name, unit, value) in title
@@ -228,17 +205,10 @@ def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch
     assert [example_terrain(name).name for name in names] == names
     monkeypatch.setattr(plot, "terrain_families", lambda: dict.fromkeys(names[:5]))
     assert plot_families("all.svg") == 5
-    axes = drawn[1].axes[:8]  # then those of the scales
-    assert [ax.axison for ax in axes] == [True] * 5 + [False] * 3
-    rough = [name for name in names[:5] if example_terrain(name).amplitude > 0.0]
-    assert len(drawn[1].axes) == 8 + len(rough)
-    assert drawn[1].get_size_inches() == pytest.approx([4 * 3.9, 2 * 2.0])
-    for ax, name in zip(axes, names[:5], strict=False):
+    for ax, name in zip(drawn[1].axes, names[:5], strict=False):
         shown = example_terrain(name)
-        assert ax.get_title() == f"{name}  {1e3 * shown.amplitude:.3g} mm"
-        assert tuple(ax.get_images()[0].get_extent()) == pytest.approx(
-            (shown.start - 0.1, shown.start + 2.0, *shown.extent[2:])
-        )
+        extent = (shown.start - 0.1, shown.start + 2.0, *shown.extent[2:])
+        assert shown.name in ax.get_title() and ax.get_images()[0].get_extent() == pytest.approx(extent)
 
 
 def test_areas_are_drawn_on_their_highest_point_and_touch_nothing() -> None:
