@@ -453,35 +453,6 @@ def test_an_order_that_is_given_in_every_tick_is_the_one_that_is_given_once(
     np.testing.assert_array_equal(*ways)
 
 
-def fails(_: object) -> Any:
-    raise RuntimeError("own")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "reason"),
-    [
-        ("order", np.array([0.2, 0.0]), "hashable value"),
-        ("order", property(fails), "RuntimeError: own"),
-        ("granted", (0.2,), "velocity"),
-        ("granted", property(fails), "RuntimeError: own"),
-        ("pace", "quick", "pace"),
-        ("pace", property(fails), "RuntimeError: own"),
-    ],
-)
-def test_a_planner_with_an_odd_attribute_is_refused_and_the_robot_stops(
-    name: str, value: object, reason: str
-) -> None:
-    stage = Stage()
-    stage.steer((0.15, 0.0, 0.0))
-    stage.run(1.5)
-    stage.follow(type("Odd", (Own,), {name: value})(goes))
-    stage.run(0.5)
-    assert reason in stage.source.reason
-    stage.steer(None)
-    stage.run(3.0)
-    assert stage.walk.finished
-
-
 @given(
     st.sampled_from(["hrp4_class", "talos", "g1"]),
     st.sampled_from([None, "left", "right"]),

@@ -19,9 +19,6 @@ from wbc.walking.plans.reach import QUICKEST, Reach
 MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
 
-FAR = 1e4
-"""Size from which a number is written in powers of ten in a message, m or rad."""
-
 
 def _in_order(extent: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     low_x, high_x, low_y, high_y = extent
@@ -93,9 +90,8 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
     )
     for verb, value, low, high, unit in limits:
         if not low - ROUNDING <= value <= high + ROUNDING:
-            size = f"{value:.3f}" if abs(value) < FAR else f"{value:.3g}"
             raise OutOfReachError(
-                f"{what} {verb} {size} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
+                f"{what} {verb} {value:.4g} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
                 + (": a smaller step_length or velocity fits" if verb.startswith("goes") else "")
             )
 

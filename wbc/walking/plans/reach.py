@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive, in_units, settings
 from wbc.core.robot import GRAVITY, SIDES, Robot
@@ -58,12 +57,6 @@ class Reach:
     min_single_support: Annotated[Positive, "s"]
     soles: Annotated[SoleSizes, "m"]
     leg: SwingLeg
-
-    def __post_init__(self) -> None:
-        if self.min_spacing >= self.max_spacing:
-            raise InputError(
-                f"min_spacing must be below max_spacing, got {self.min_spacing:g} and {self.max_spacing:g} m"
-            )
 
     @staticmethod
     @checked

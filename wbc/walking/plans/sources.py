@@ -105,13 +105,12 @@ class FootstepSource(ABC):
     """Planner of footsteps that is asked while the robot walks; one of your own writes `footsteps`.
 
     Attributes:
-        order: What the user asks of the planner, as a hashable value such as a tuple of numbers; where it changes,
-            steps are asked for anew while a foot is in the air, too.
+        order: What the user asks of the planner; where it changes, steps are asked for anew while a foot is in the air,
+            too.
         granted: Velocity of the present plan; None for the mean of its next two steps.
         pace: Speed of the gait (`SPEEDS`), m/s.
         to_check: Number of steps of the next answer that are checked against the reach of the legs and the extent of
-            the ground; None for all, 0 for a planner whose steps are within reach by construction, and which are
-            checked against the extent alone.
+            the ground; None for all, 0 for steps that are within reach, which are checked against the extent alone.
     """
 
     order: Hashable = None
@@ -222,20 +221,9 @@ class PlanSource(FootstepSource):
 def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
     """Return what a planner answers, `AHEAD` steps at most.
 
-    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground,
-    and for attributes of the planner that are not what ticks to come read: numbers, and an order that is hashable.
+    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
     """
-    to_check, plan, order = planner.to_check, planner.footsteps(now), planner.order
-    checked_velocity(planner.granted)
-    finite_scalar("pace of a planner (m/s)", planner.pace, low=0.0)
-    if to_check is not None and not (isinstance(to_check, int) and to_check >= 0):
-        raise InputError(f"to_check of a planner is a number of steps or None, got {shown(to_check)}")
-    try:
-        hash(order)
-    except TypeError:
-        raise InputError(
-            f"the order of a planner is a hashable value, such as a tuple of numbers, got {shown(order)}"
-        ) from None
+    to_check, plan = planner.to_check, planner.footsteps(now)
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
