@@ -129,7 +129,7 @@ def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
     """Ends of classes in ms; what is beyond the last one is in a class without an end; the text has the totals."""
     late, busy = np.array([0.0, 0.04, 0.06, 3.0, 250.0]) * 1e-3, np.array([0.6, 0.7, 0.8, 0.9, 15.0]) * 1e-3
     got = clock.Quiet(memory_locked=True, priority=50, page_faults=(7, 900))
-    report = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, got, 0.002)
+    report = RunReport(0.002, "stopped", (), 5, 4, 6, late, busy, 0.0123, got)
     counts = report.histogram()
     assert counts["late"] == [2, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] and sum(counts["busy"]) == 5
     assert counts["busy"] == [0, 0, 0, 0, 4, 0, 0, 0, 1, 0, 0, 0]
@@ -139,7 +139,7 @@ def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
     assert "locked: yes" in lines[2] and "priority: 50" in lines[2] and "disk 7" in lines[2]
     assert lines[4].split() == ["0.05", "2", "0"] and lines[-1].split() == ["inf", "1", "0"]
     assert not any("clouds" in line for line in lines)
-    blind = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, clock.Quiet(), 0.002, "no camera")
+    blind = RunReport(0.002, "stopped", (), 5, 4, 6, late, busy, blind="no camera")
     assert "no clouds of points: no camera" in str(blind) and "locked: no" in str(blind)
 
 

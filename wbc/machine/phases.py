@@ -110,8 +110,7 @@ class Phases:
         self.last: Command | None = None
         self._held, self._risen = np.zeros(robot.na), 1.0  # by the stop, and with this share of the gains
         # For a control of one's own, by the attitude that the loads follow; the library's have a test of theirs.
-        self._fallen = driver.description.robot() if control.drives is None else None
-        self._falls = None if self._fallen is None else FallDetector(self._fallen, period)
+        self._falls = FallDetector(robot, period) if control.drives is None else None
         self._gains = self._description.kp, self._description.kd
         if self._driver.gains is not None:
             kp, kd = finite_array("gains of a driver, kp and kd", self._driver.gains, (2, robot.na))
@@ -304,10 +303,10 @@ class Phases:
         drives, falls, reason = self._control.drives, self._falls, None
         if drives is not None:
             reason = drives.sensing.falls.reason if drives.damped else None
-        elif falls is not None and self._fallen is not None and self._settings.on_fall == "damp":
-            q, v = self._loads.posture(measurement), np.zeros(self._fallen.nv)
+        elif falls is not None and self._settings.on_fall == "damp":
+            q, v = self._loads.posture(measurement), np.zeros(self._robot.nv)
             v[BASE_DOF:] = measurement.joint_velocity
-            self._fallen.update_kinematics(q, v)
+            self._robot.update_kinematics(q, v)
             reason = falls.update()
         if reason is not None:
             raise Over(f"the robot has fallen: {reason.value}")

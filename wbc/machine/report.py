@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +16,11 @@ BUCKETS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 KEPT = 1 << 20
 """Ticks whose times are kept: 35 minutes at 500 Hz; later ones replace the first."""
+
+
+def _room() -> Array:
+    """Return room for the times of ticks, touched, so that no page fault waits in the loop."""
+    return np.full(KEPT, 0.0)
 
 
 class Phase(enum.Enum):
@@ -36,35 +40,53 @@ class Phase(enum.Enum):
     """The run is over, and the joints are damped."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RunReport:
     """Report of a run on a machine: reason of its end, late ticks, and times.
 
     Attributes:
+        period: Control period, s.
         reason: Reason of the end.
         phases: Phases, each with the time at which it began, s.
         ticks: Number of ticks.
         missed: Number of ticks that ended after the next one should have begun.
         skipped: Number of periods without a tick, because of late ticks.
-        late: Delay of the wake-up of each tick, shape (ticks,), s.
-        busy: Time of each tick from the wake-up until the command is sent, shape (ticks,), s.
+        late: Delay of the wake-up of each tick, shape (ticks,), s; until the end of the run, room for those of all.
+        busy: Time of each tick from the wake-up until the command is sent, shape (ticks,), s; as `late`.
         ages: Longest time between two measurements, s.
         quiet: Real-time settings that the operating system granted, and its interruptions of the run.
-        period: Control period, s.
-        blind: Reason why clouds of points were missing at some time of the run; empty if none were missing.
+        blind: Last reason why clouds of points were missing in the run; empty if none were missing.
     """
 
-    reason: str
-    phases: tuple[tuple[Phase, float], ...]
-    ticks: int
-    missed: int
-    skipped: int
-    late: Array = field(repr=False)
-    busy: Array = field(repr=False)
-    ages: float
-    quiet: Quiet
     period: float
+    reason: str = ""
+    phases: tuple[tuple[Phase, float], ...] = ()
+    ticks: int = 0
+    missed: int = 0
+    skipped: int = 0
+    late: Array = field(default_factory=_room, repr=False)
+    busy: Array = field(default_factory=_room, repr=False)
+    ages: float = 0.0
+    quiet: Quiet = field(default_factory=Quiet)
     blind: str = ""
+
+    def add(self, deadline: float, woken: float, done: float) -> float:
+        """Add a tick that should have begun at a deadline, s, and return the deadline of the next one."""
+        place = self.ticks % KEPT
+        self.late[place], self.busy[place] = woken - deadline, done - woken
+        self.ticks += 1
+        deadline += self.period
+        if done > deadline:
+            self.missed += 1
+            lost = int((done - deadline) / self.period) + 1
+            self.skipped += lost
+            deadline += lost * self.period
+        return deadline
+
+    def end(self) -> None:
+        """End the run: no tick comes any more."""
+        kept = min(self.ticks, KEPT)
+        self.late, self.busy = self.late[:kept].copy(), self.busy[:kept].copy()
 
     def histogram(self) -> dict[str, list[int]]:
         """Return the number of ticks in each class of delay and of busy time; the last class has no upper bound."""
@@ -88,49 +110,3 @@ class RunReport:
         for i, end in enumerate([*BUCKETS, np.inf]):
             lines.append(f"{end:>12g}{counts['late'][i]:>10}{counts['busy'][i]:>10}")
         return "\n".join(lines)
-
-
-class TickTimes:
-    """Times of all ticks of a run while it goes on.
-
-    Attributes:
-        ticks: Number of ticks so far.
-        age: Longest time between two measurements so far, s.
-    """
-
-    def __init__(self, period: float) -> None:
-        """Begin without a tick, for a control period, s."""
-        self._period = period
-        self._late, self._busy = np.full((2, KEPT), 0.0)  # touched, so that no page fault waits in the loop
-        self.ticks = self._missed = self._skipped = 0
-        self.age = 0.0
-
-    def add(self, deadline: float, woken: float, done: float) -> float:
-        """Add a tick that should have begun at a deadline, s, and return the deadline of the next one."""
-        place = self.ticks % KEPT
-        self._late[place], self._busy[place] = woken - deadline, done - woken
-        self.ticks += 1
-        deadline += self._period
-        if done > deadline:
-            self._missed += 1
-            lost = int((done - deadline) / self._period) + 1
-            self._skipped += lost
-            deadline += lost * self._period
-        return deadline
-
-    def report(self, reason: str, phases: Sequence[tuple[Phase, float]], got: Quiet, blind: str) -> RunReport:
-        """Return the report of the run; arguments are as in `RunReport`."""
-        kept = min(self.ticks, KEPT)
-        return RunReport(
-            reason,
-            tuple(phases),
-            self.ticks,
-            self._missed,
-            self._skipped,
-            self._late[:kept].copy(),
-            self._busy[:kept].copy(),
-            self.age,
-            got,
-            self._period,
-            blind,
-        )

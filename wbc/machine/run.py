@@ -23,7 +23,7 @@ from wbc.machine.guard import DAMP_PERIOD, DAMP_TIME, Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loop import Driver, MachineError, check_described
 from wbc.machine.phases import Over, Phases, RunSettings
-from wbc.machine.report import Phase, RunReport, TickTimes
+from wbc.machine.report import Phase, RunReport
 
 logger = logging.getLogger(__name__)
 
@@ -72,14 +72,12 @@ class Runner:
             )
         self._inlet = Inlet(robot, self.period)
         self._phases: Phases | None = None
-        self._times = TickTimes(self.period)
+        self._report = RunReport(self.period)
         self._clock = clock or Clock()
         self._guarded, self._ran = guard, False
         self._guard: Guard | None = None
         self._stop, self._emergency = threading.Event(), threading.Event()
-        self._reason = ""
         self._seen = self._changed = 0.0  # arrival of the last measurement, and of the last new one, s
-        self._blind = ""  # last reason for which no clouds came
 
     @property
     def phase(self) -> Phase:
@@ -89,7 +87,7 @@ class Runner:
     @property
     def ticks(self) -> int:
         """Number of ticks so far."""
-        return self._times.ticks
+        return self._report.ticks
 
     def stop(self) -> None:
         """Let the robot sink: stiffness and torques decrease, then the joints are damped."""
@@ -127,7 +125,10 @@ class Runner:
                     self._guard.close()
                 for number, handler in before.items():
                     signal.signal(number, handler)
-        return self._times.report(self._reason, phases.begun, got, self._blind)
+        report = self._report
+        report.phases, report.quiet = tuple(phases.begun), got
+        report.end()
+        return report
 
     def _damp(self) -> None:
         """Damp the joints for a while; where the driver fails, go on trying, and let the guard damp meanwhile.
@@ -188,7 +189,7 @@ class Runner:
                 self._clock.sleep_until(self._clock.now() + self.period)
 
     def _loop(self, phases: Phases, until: float | Callable[[], bool] | None) -> None:
-        clock, driver, times = self._clock, self.driver, self._times
+        clock, driver, report = self._clock, self.driver, self._report
         now = begin = self._seen = self._changed = clock.now()
         phases.begin(now)
         deadline = now
@@ -204,14 +205,14 @@ class Runner:
             now = clock.now()
             fresh = newest is not None and self._inlet.take(newest, now, check=not phases.alone(now))
             if newest is not None:
-                times.age = max(times.age, now - self._seen)
+                report.ages = max(report.ages, now - self._seen)
                 self._seen = now
             if fresh:
                 self._changed = now
             try:
                 made = self._tick(phases, now, fresh=fresh)
             except Over as end:
-                self._reason = "; ".join(filter(None, (str(end), phases.slow)))
+                report.reason = "; ".join(filter(None, (str(end), phases.slow)))
                 phases.enter(Phase.DAMPED, clock.now())
                 return
             # The function `until` is asked in every tick but those of a stop.
@@ -219,7 +220,7 @@ class Runner:
                 self.stop()
             if self._guard is not None:
                 self._guard.beat()
-            deadline = times.add(deadline, woken, clock.now())
+            deadline = report.add(deadline, woken, clock.now())
 
     def _tick(self, phases: Phases, now: float, *, fresh: bool) -> bool:
         """Send the command of this tick; True if it is a new one, and not of the stop. `Over` if the run is."""
@@ -254,9 +255,9 @@ class Runner:
                 self.control.see(cloud)
         except Exception as error:  # of a camera, or of a cloud that is none
             blind = f"{type(error).__name__}: {error}"
-            if blind != self._blind:
+            if blind != self._report.blind:
                 logger.error("no clouds of points (%s): the control goes on without them", blind)
-            self._blind = blind
+            self._report.blind = blind
 
 
 @checked

@@ -25,7 +25,7 @@ from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Positive
-from wbc.core.drive.failures import FailurePolicy, FailureRecord, at_rest
+from wbc.core.drive.failures import FailurePolicy, FailureRecord
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.sensing import SafetySettings, Sensing
 from wbc.core.estimation.checks.consistency import ConsistencyMonitor
@@ -409,7 +409,18 @@ class DriveControl(Control):
                 return self._finish(command)
         if self._held is None:
             return self._finish(self._hold(state))
-        return self._finish(at_rest(self._held, self.gate, self._record.damping, self.joints(state)))
+        return self._finish(self._at_rest(self._held, state))
+
+    def _at_rest(self, command: Command, state: State) -> Command:
+        """Return the last command of a law with a velocity reference of zero; joints without damping get ours."""
+        gate, damping, measured = self.gate, self._record.damping, self.joints(state)
+        torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
+        if position is None:
+            return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
+        gains = {} if kp is None or kd is None else {"kp": kp, "kd": np.where(kd > 0.0, kd, damping)}
+        # With gains no joint of a torque alone speeds up.
+        still = Command(torque, position, np.zeros_like(position), period=gate.period, **gains)
+        return gate.admit(still, measured)
 
     def _finish(self, command: Command, acceleration: Array | None = None) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it.

@@ -1,16 +1,12 @@
-"""Failures of ticks: the reaction to them, their record, and the last command of a law, held at rest meanwhile."""
+"""Failures of ticks: the reaction to them, and their record."""
 
 from __future__ import annotations
 
 import logging
 from typing import Annotated
 
-import numpy as np
-
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
-from wbc.core.drive.gate import CommandGate
-from wbc.core.signals import Command
 
 logger = logging.getLogger(__name__)
 
@@ -76,18 +72,3 @@ class FailureRecord:
             self.reason = reason
             state = "; stopped" if self.stopped else "; command held"
             logger.error("tick failed (%s)%s", reason, state, exc_info=error)
-
-
-def at_rest(command: Command, gate: CommandGate, damping: Array, measured: tuple[Array, Array]) -> Command:
-    """Return the last command of a law with a velocity reference of zero, within the limits of the gate.
-
-    `damping` is that of joints that no servo damps, shape (na,), Nms/rad; `measured` are q and q̇ of the joints, NaN
-    where they are unknown.
-    """
-    torque, position, kp, kd = command.joint_torque, command.joint_position, command.kp, command.kd
-    if position is None:
-        return gate.pass_on(torque - damping * np.nan_to_num(measured[1], nan=0.0))
-    gains = {} if kp is None or kd is None else {"kp": kp, "kd": np.where(kd > 0.0, kd, damping)}
-    # With gains no joint of a torque alone speeds up.
-    still = Command(torque, position, np.zeros_like(position), period=gate.period, **gains)
-    return gate.admit(still, measured)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pinocchio as pin
 
@@ -38,55 +36,32 @@ def imu(s: Session) -> str:
         if s.good("accelerometer"):
             s.check("IMU frame", f"{along:.3f} along the vertical", turned=along <= 0.95)
         return FALLEN
-    turns = _turn_each(s, frame, force)
-    size = float(np.linalg.norm(turns.seen) / np.linalg.norm(turns.made))
-    degrees = abs(size / DEGREES - 1.0) < 0.5
-    found = f"{size:.2f} of the turns made"
-    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not s.right("gyroscope", size))
-    if not s.good("accelerometer", "gyroscope"):
-        return "gyroscope or accelerometer has another unit"
-    _judge_frame(s, turns, size, along)
-    return ""
-
-
-class Turns(NamedTuple):
-    """Turns of the base about x, y and z: one a row, in the IMU frame, each array of shape (3, 3)."""
-
-    made: Array  # rotation vectors of the turns, rad
-    seen: Array  # the same by the gyroscope, rad
-    tilts: Array  # changes of gravity by the turns, m/s²
-    felt: Array  # the same by the accelerometer, m/s²
-
-
-def _turn_each(s: Session, frame: Array, force: Array) -> Turns:
-    """Turn the base about each axis, from a rotation of the IMU and the specific force at rest."""
-    turns = Turns(*np.zeros((4, 3, 3)))
+    # Turns of the base about x, y and z, one a row, in the IMU frame: rotation vectors that were made and that the
+    # gyroscope saw, rad, and changes of gravity that were made and that the accelerometer felt, m/s².
+    made, seen, tilts, felt = np.zeros((4, 3, 3))
     for axis in range(3):
         joints, q = _base_motion(s, np.zeros(2), TILT * AXES[axis])
         there, _ = s.move(joints, 0.4)
         s.robot.update(q, np.zeros(s.robot.nv))
         after = np.array(s.robot.placement(s.robot.imu_frame).rotation)
-        turns.made[axis] = pin.log3(frame.T @ after)
-        turns.seen[axis] = there["angular_velocity"].sum(axis=0) * s.period
-        turns.tilts[axis] = (after - frame)[2] * GRAVITY
-        turns.felt[axis] = settled(there["specific_force"]) - force
-    return turns
-
-
-def _judge_frame(s: Session, turns: Turns, size: float, along: float) -> None:
-    """Judge the frame of the IMU by turns, and by gravity at rest `along` the vertical.
-
-    The gyroscope saw turns of `size` times those made. Of three turns seen ≈ R made: R is what lies between the
-    gyroscope and the IMU frame.
-    """
-    between = turns.seen.T @ np.linalg.pinv(turns.made.T) / max(size, ROUNDING)
+        made[axis] = pin.log3(frame.T @ after)
+        seen[axis] = there["angular_velocity"].sum(axis=0) * s.period
+        tilts[axis] = (after - frame)[2] * GRAVITY
+        felt[axis] = settled(there["specific_force"]) - force
+    size = float(np.linalg.norm(seen) / np.linalg.norm(made))
+    degrees = abs(size / DEGREES - 1.0) < 0.5
+    found = f"{size:.2f} of the turns made"
+    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not s.right("gyroscope", size))
+    if not s.good("accelerometer", "gyroscope"):
+        return "gyroscope or accelerometer has another unit"
+    # Of three turns seen ≈ size R made: R is what lies between the gyroscope and the IMU frame.
+    between = seen.T @ np.linalg.pinv(made.T) / max(size, ROUNDING)
     u, _, vt = np.linalg.svd(between)
     angle = np.degrees(np.linalg.norm(pin.log3(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)))
-    tilts, felt = turns.tilts, turns.felt
     agree, tilt = np.trace(between) / 3.0, (tilts * felt)[:2].sum() / (tilts * tilts)[:2].sum()
-    level, turned = (
-        along > 0.97 and s.right("IMU frame", tilt),
+    turned, level = (
         agree <= 0.85,
+        along > 0.97 and s.right("IMU frame", tilt),
     )  # level: gravity is where it should be
     s.check(
         "IMU frame",
@@ -96,6 +71,7 @@ def _judge_frame(s: Session, turns: Turns, size: float, along: float) -> None:
         gyroscope_turned=level and turned,
         turned=turned,
     )
+    return ""
 
 
 def wrenches(s: Session) -> str:
