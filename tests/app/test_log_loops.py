@@ -108,7 +108,8 @@ def test_a_robot_without_feet_is_recorded_without_theirs(tmp_path: Path, name: s
     parts: list[Any] = [np.zeros(robot.na), np.zeros(robot.na), np.zeros(3), np.zeros(3), None]
     command, begin = Command(robot.q[robot.base_nq :]), Measurement(0.0, *parts)
     with Recorder(tmp_path / "run.arrow") as recorder:
-        for strange in ({"estimate": other}, {"truth": 3}, {"solution": 3}):
+        solved = wbc.balance_controller(other, 0.005).solve()
+        for strange in ({"estimate": other}, {"truth": 3}, {"solution": 3}, {"solution": solved}):
             with pytest.raises(InputError):
                 recorder.write(description, begin, command, **strange)  # type: ignore[arg-type]
         for k in range(3):

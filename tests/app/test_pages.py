@@ -203,8 +203,11 @@ def trial_of(plant: Any, control: Any = None) -> Any:
 
 def test_a_view_is_a_hook_that_opens_with_its_trial_and_ends_with_it() -> None:
     trial = trial_of(wbc.Plant(HRP4))
+    with Shown() as never:
+        pass
+    with pytest.raises(base.ViewError, match="closed"):
+        never.start(trial)
     view = Shown(wait=0.5)
-    view.close()
     assert not view.closed and view.controls is None and view.url == "", "it is not open"
     assert view.pages == 0 and not view.wait_for_page(0.01)
     for asked in (view.update, lambda: view.ended("well")):

@@ -69,7 +69,7 @@ def reports(function: Callable[..., Report]) -> Callable[..., None]:
         handler.setFormatter(_Lines("%(levelname)s %(name)s: %(message)s"))
         logging.basicConfig(level=logging.INFO if output.verbose else logging.WARNING, handlers=[handler])
         logging.captureWarnings(True)
-        warnings.formatwarning = _message_alone
+        warnings.formatwarning = lambda message, *_, **__: str(message)  # without the line that raised it
         with stdout_on_stderr():
             report = function(*args, **values)
         if output.json:  # NaN and infinity as null
@@ -108,12 +108,6 @@ def stdout_on_stderr() -> Iterator[None]:
         if saved is not None:
             os.dup2(saved, 1)
             os.close(saved)
-
-
-def _message_alone(message: Warning | str, *where: object, **line: object) -> str:
-    """Return the text of a warning without the line that raised it."""
-    del where, line
-    return str(message)
 
 
 def progress_console() -> Console:

@@ -89,7 +89,10 @@ def view(
             player.run()
         player.close()
         return Report(facts | {"url": player.url}, "replay ended")
-    bar = partial(track, description=out.name, console=progress_console(), transient=True)
+    console = progress_console()
+    bar = partial(
+        track, description=out.name, console=console, transient=True, disable=not console.is_terminal
+    )
     if out.suffix.lower() != ".mp4":
         reason = convert_log(opened, out, rate=options.rate, progress=bar)
         note = f"; no pictures: {reason}" if reason else ""

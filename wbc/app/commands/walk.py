@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
@@ -119,10 +119,13 @@ def walk(given: Annotated[Mapping[str, Any], OPTIONS], *, options: WalkOptions, 
     data, text = with_changes(run.acting, trial, result.to_json(), walk_text(result, spec))
     data["spec"] = spec.to_json()
     if options.record is not None:
-        failure = None if run.loss is None else str(run.loss)
-        data |= {"record": str(options.record), "record_failure": failure}
+        lost = None if run.loss is None else str(run.loss)
+        data |= {"record": str(options.record), "record_failure": lost}
     compared, words = run.comparison()
-    return Report(data | compared, text + words, run.loss)
+    failure = run.loss
+    if failure is None and not compared.get("same", True):
+        failure = WbcError(f"the walk is not that of {options.repeat}")
+    return Report(data | compared, text + words, failure)
 
 
 class _Run:
@@ -153,12 +156,18 @@ class _Run:
         acting: list[View | RepeatWalk] = [*repeat, *watching]
         self.acting = acting
         hooks: list[TrialHook] = [*acting]
+
+        def news(_: object) -> str:
+            controls = [hook.controls for hook in acting if hook.controls is not None]
+            entries = [entry for each in controls for entry in each.news()] + ending(trial)
+            return json.dumps(entries) if entries else ""
+
         with ExitStack() as stack:
             if original is not None and place is None:
                 place = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
             if place is not None:
                 self._record = record = stack.enter_context(Recorder(place, spec=self.spec))
-                record.add("view/change", lambda _: _news(acting, trial), about=CHANGE)
+                record.add("view/change", news, about=CHANGE)
                 hooks.insert(0, record)
             result: WalkResult = trial.run(hooks)
             if original is not None and place is not None and self.loss is None:
@@ -174,13 +183,6 @@ class _Run:
         if other is not None and versions:
             text += f"; the log is of {', '.join(versions)}"
         return {"same": other is None, "difference": other, "versions": versions}, text
-
-
-def _news(acting: Sequence[View | RepeatWalk], trial: WalkTrial) -> str:
-    """Return the changes since the tick before, and an end by Ctrl-C, as JSON; empty text for nothing."""
-    controls = [hook.controls for hook in acting if hook.controls is not None]
-    entries = [entry for each in controls for entry in each.news()] + ending(trial)
-    return json.dumps(entries) if entries else ""
 
 
 def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:

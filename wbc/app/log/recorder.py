@@ -136,7 +136,8 @@ class Recorder(TrialHook):
         if self._model is None:
             self._model = description.robot()
         robots = description, self._model if estimate is None else estimate
-        if any(robot.joint_names != self._model.joint_names for robot in robots):
+        of_other = solution is not None and len(solution.accelerations) != self._model.nv
+        if of_other or any(robot.joint_names != self._model.joint_names for robot in robots):
             raise InputError(
                 f"{self.path} is the log of '{self._model.name}'; make another Recorder for others"
             )

@@ -44,7 +44,8 @@ class Player:
         self._time = gui.add_slider("time (s)", first, last, 0.01, first)
         self._playing = gui.add_checkbox("play", True)
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
-        self._panel.key("space", "play or pause", self._toggle)
+        playing = self._playing
+        self._panel.key("space", "play or pause", lambda: setattr(playing, "value", not playing.value))
         self.show(0)
 
     def show(self, tick: int) -> None:
@@ -69,9 +70,6 @@ class Player:
                 self._time.value = ahead
             last = now
             self.show(min(int(np.searchsorted(self._times, self._time.value - 1e-6)), len(self._times) - 1))
-
-    def _toggle(self) -> None:
-        self._playing.value = not self._playing.value
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'

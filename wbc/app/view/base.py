@@ -260,8 +260,8 @@ class View(TrialHook, ABC):
 
     def close(self) -> None:
         """Show the last state and end the view; the page keeps its picture."""
-        if self._opened and not self.closed:
-            self.closed = True
+        opened, self.closed = self._opened and not self.closed, True
+        if opened:
             try:
                 self._show()
             finally:

@@ -117,7 +117,10 @@ class LiveControls:
             gains = stabilizer.gains.for_mass(stabilizer.mass)
             for name, unit in STABILIZER_GAINS.items():
                 value = float(np.max(getattr(gains, name)))
-                take = partial(_set_gain, stabilizer, name)
+
+                def take(given: float, name: str = name) -> None:
+                    stabilizer.gains = replace(stabilizer.gains, **{name: given})
+
                 found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
             about, walk = "each foot takes it in its next swing", cast("WalkingControl", walking)
@@ -287,10 +290,6 @@ def checked_interventions(entries: Iterable[Any]) -> list[dict[str, Any]]:
                 raise InputError(f"{name} of a recorded change cannot be {shown(value)}")
         copies.append(dict(entry))
     return copies
-
-
-def _set_gain(stabilizer: Any, name: str, value: float) -> None:
-    stabilizer.gains = replace(stabilizer.gains, **{name: value})
 
 
 def _set_stiffness(walking: WalkingControl, foot: VariableStiffnessFoot, value: float) -> None:
