@@ -9,24 +9,18 @@ import os
 import signal
 import sys
 import threading
-import typing
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from wbc.app import cli
 from wbc.app.cli import BAD_INPUT, FAILED, INTERRUPTED, LONGEST_LINE, RAN, main
 from wbc.app.commands import study as run_command
-from wbc.app.commands.walk import (
-    DRIVE_TIME,
-)
 from wbc.app.live import ended_by_interrupt
 from wbc.base.errors import InputError, WbcError
-from wbc.base.settings import Positive
 from wbc.sim.studies.journal import Journal
 from wbc.sim.studies.study import Study
 
@@ -196,4 +190,3 @@ def test_a_text_that_would_be_a_formula_is_none_in_a_spreadsheet() -> None:
 def test_streams_that_are_no_terminals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     assert main(["settings", "nothing_of_this_name"]) == BAD_INPUT
-    assert typing.get_args(Positive) and np.isfinite(DRIVE_TIME)

@@ -51,7 +51,7 @@ def test_feet_are_listed_under_every_robot(run: Run) -> None:
 
 def test_a_press_says_what_was_pressed(run: Run) -> None:
     ground = "--terrain stones --amplitude 0.02 --seed 4"
-    words = f"foot press --robot g1 --foot-param phalanges=8 --stiffness 20 --settle 0.3 {ground}"
+    words = f"foot press --robot g1 --foot-param phalanges=8 --stiffness 20 --settle 0.1 --hold 0.1 {ground}"
     facts = data_of(run, *words.split())
     assert (facts["foot"], facts["terrain"], facts["seed"], facts["load_n"]) == ("soft", "stones", 4, 200.0)
     assert facts["foot_parameters"]["phalanges"] == len(facts["hold"]["sole_angles"]) == 8

@@ -17,13 +17,15 @@ from hypothesis import strategies as st
 from made_person import LAFAN1, person, write_bvh
 from mjcf_biped import biped
 from PIL import Image
-from properties import by_default, examples
+from properties import examples
 from recorded import recorded_stand
 
 import wbc
 from wbc.motion import MotionClip, write_motion
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import Entry
+
+pytestmark = pytest.mark.slow  # a process of its own, which imports the library
 
 SOLE = """<link name="{side}_sole"/><joint name="{side}_fixed" type="fixed"><parent link="{side}_foot"/>
 <child link="{side}_sole"/><origin xyz="0 0 -0.05"/></joint>"""
@@ -70,12 +72,11 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[fuzzing.Comma
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("count", [4, pytest.param(5000, marks=pytest.mark.slow)])
-def test_every_option_takes_hostile_words(commands: fuzzing.Commands, count: int) -> None:
+def test_every_option_takes_hostile_words(commands: fuzzing.Commands) -> None:
     places = [(words, option) for words in fuzzing.COMMANDS for option in fuzzing.options(words)]
     assert len(places) > 100
 
-    @examples(count)
+    @examples(5000)
     @given(st.sampled_from(places), st.sampled_from(fuzzing.WORDS) | st.text(max_size=20))
     def ends_well(place: tuple[str, str], value: str) -> None:
         assert (why := commands(fuzzing.line(*place, value))) is None, why
@@ -84,9 +85,8 @@ def test_every_option_takes_hostile_words(commands: fuzzing.Commands, count: int
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("count", [8, pytest.param(5000, marks=pytest.mark.slow)])
-def test_every_reader_takes_damaged_files(commands: fuzzing.Commands, count: int) -> None:
-    @examples(count)
+def test_every_reader_takes_damaged_files(commands: fuzzing.Commands) -> None:
+    @examples(5000)
     @given(st.sampled_from(sorted(fuzzing.READERS)), st.integers(0, 10_000))
     def ends_well(name: str, seed: int) -> None:
         damaged = commands.folder / f"damaged_{name}"
@@ -127,11 +127,7 @@ BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-ALIKE = ("pipe.npy", "pipe.xml", "big.png", "zero.json", "digits.toml", "huge.xml")
-"""Files that cannot be used for a reason that another one shows by default."""
-
-
-@pytest.mark.parametrize("name", by_default(BAD_FILES, *(name for name in BAD_FILES if name not in ALIKE)))
+@pytest.mark.parametrize("name", BAD_FILES)
 def test_a_file_that_cannot_be_used_is_refused(commands: fuzzing.Commands, tmp_path: Path, name: str) -> None:
     make, words = BAD_FILES[name]
     make(file := tmp_path / name)

@@ -215,7 +215,7 @@ def test_a_log_without_a_column_is_refused_by_what_needs_it(tmp_path: Path, name
     table = ipc.open_file(log.path).read_all().drop_columns([column])
     with ipc.new_file(tmp_path / "walk.arrow", table.schema) as out:
         out.write_table(table)
-    with pytest.raises(InputError, match=f"walk.arrow has no.*{column}"):
+    with pytest.raises(InputError, match=f"walk.arrow.*{column}|{column}.*walk.arrow"):
         READERS[name][0](Log.open(tmp_path / "walk.arrow"))
 
 

@@ -22,7 +22,7 @@ from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import Mark, Picture, Scale
-from wbc.app.view.viser_page import ViserPanel, ViserScene, paint
+from wbc.app.view.viser_page import ViserPanel
 from wbc.app.view.workbench import Gizmo, SettingsFolder, add_drive, program_text
 
 HRP4 = wbc.load_robot("hrp4_class")
@@ -226,17 +226,6 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
     assert room.removed and len(gizmos) == 2 * count + 1
 
 
-def test_the_page_moves_the_world_under_a_robot_that_it_follows() -> None:
-    scene = ViserScene.__new__(ViserScene)
-    scene._target, scene._root = np.array([1.0, -2.0, 0.9]), SimpleNamespace(position=None)
-    scene.follow(True)
-    assert scene._root.position == (-1.0, 2.0, 0.0)
-    scene.follow(False)
-    assert scene._root.position == (0.0, 0.0, 0.0) and not scene._follows
-    assert paint((0.0, 0.5, 1.0, 1.0)) == {"color": (0, 128, 255), "opacity": None}
-    assert paint((0.0, 0.5, 1.0, 0.3))["opacity"] == 0.3
-
-
 def test_a_page_is_built_for_the_size_of_its_robot_and_follows_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The camera stands at (2.6, −2, 1.7) heights and looks at 0.8 of one; the grid lies on the floor."""
     server, key, nodes = MagicMock(), MagicMock(), dict[str, Any]()
@@ -266,6 +255,8 @@ def test_a_page_is_built_for_the_size_of_its_robot_and_follows_it(monkeypatch: p
     shadows = [each.how["cast_shadow"] for name, each in nodes.items() if re.search(r"/body \d/", name)]
     assert shadows == [False, True], "of the ground and of the box"
     assert panel.scene._root.position == (-1.0, -2.0, 0.0)
+    panel.scene.follow(False)
+    assert panel.scene._root.position == (0.0, 0.0, 0.0)
     assert nodes["/wbc/marks/zmp"].how["color"] == (51, 102, 153)
     assert panel._said == viser_page.text_html("1.50 s", "walks") and panel.scene.meanings
 

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from browser import Browser, needs_chromium
 from full_disk import limited_file_size
+from properties import by_default
 from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, run
 
 import wbc
@@ -80,7 +81,7 @@ def test_a_replay_shows_what_the_live_view_showed(tmp_path: Path) -> None:
         seen.append(np.concatenate([plant.data.xpos, plant.data.xmat], axis=1))
 
     with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 1.0, record, watch)
+        run(plant, walk, 0.8, record, watch)
     replay = Replay(Log.open(tmp_path / "walk.arrow"))
     assert len(replay) == len(seen) and replay.stage.model.nbody == plant.model.nbody
     for tick in shown:
@@ -307,7 +308,7 @@ def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path
 # ---- files for Rerun ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["rrd", "mcap"])
+@pytest.mark.parametrize("kind", by_default(["rrd", "mcap"], "rrd"))
 def test_the_progress_of_a_conversion_has_its_pictures_and_an_error_leaves_the_old_file(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

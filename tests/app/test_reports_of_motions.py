@@ -14,7 +14,6 @@ import pytest
 
 from wbc.app.cli import RAN, main
 from wbc.app.commands import motion as motion_command
-from wbc.app.output import Report
 from wbc.base.errors import InputError
 from wbc.motion.measures import MotionMeasures
 from wbc.sim.trial.spec import WallClock
@@ -84,24 +83,6 @@ def test_options_of_a_clip_that_do_not_belong_to_it_are_refused(tmp_path: Path, 
         np.savez(clip, x=np.zeros(3))
         assert main(["motion", *words]) == 2
         assert said in capsys.readouterr().err
-
-
-def test_a_clip_is_checked_filtered_and_tracked_by_its_verb(
-    capsys: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    called: list[str] = []
-
-    def note(verb: str) -> Any:
-        def run(*_: Any) -> Report:
-            called.append(verb)
-            return Report({}, "")
-
-        return run
-
-    for verb in ("check", "filter", "track"):
-        monkeypatch.setattr(motion_command, f"_{verb}", note(verb))
-        assert main(["motion", verb, "clip.npz"]) == RAN
-    assert called == ["check", "filter", "track"]
 
 
 @pytest.mark.parametrize(("standing", "feasible"), [(True, True), (True, False), (False, True)])

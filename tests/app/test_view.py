@@ -351,16 +351,3 @@ def test_soles_have_the_colour_of_their_stiffness() -> None:
     assert "soles 10.0 and 40.0 Nm/rad" in picture.text
     reds = [stiffness_colour(k)[0] for k in (0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0)]
     assert all(a < b for a, b in zip(reds, reds[1:], strict=False))
-
-
-@pytest.mark.slow
-def test_scans_lie_on_the_ground() -> None:
-    spec = short_walk(foot="variable", policy="fixed", noise="none", terrain="stones", amplitude=0.02, seed=3)
-    trial = WalkTrial(spec)
-    ground, stage, scans = spec.ground(), SimulatedStage(trial.plant, trial.control), dict[str, Mark]()
-    while not scans:
-        tick(trial)
-        scans = named(stage.picture(), "scan")
-    scan = scans["scan 0"].points
-    assert scan[:, 2] == pytest.approx(ground.height(scan[:, 0], scan[:, 1]) + LIFT, abs=2e-3)
-    assert np.ptp(scan[:, 0]) > 0.02  # the toe has moved on

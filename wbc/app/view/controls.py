@@ -104,7 +104,6 @@ class LiveControls:
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._reported, self.time = 0, 0.0
-        self._ended = False
         self._docs = attribute_docs(StabilizerGains)
 
     @property
@@ -117,10 +116,7 @@ class LiveControls:
             gains = stabilizer.gains.for_mass(stabilizer.mass)
             for name, unit in STABILIZER_GAINS.items():
                 value = float(np.max(getattr(gains, name)))
-
-                def take(given: float, name: str = name) -> None:
-                    stabilizer.gains = replace(stabilizer.gains, **{name: given})
-
+                take = partial(_set_gain, stabilizer, name)
                 found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
             about, walk = "each foot takes it in its next swing", cast("WalkingControl", walking)
@@ -135,15 +131,7 @@ class LiveControls:
 
     def order(self, request: dict[str, Any]) -> None:
         """Queue an order until the next tick; may be called from any thread."""
-        if self._ended:
-            self.message = "refused: the run has ended"
-        else:
-            self._orders.append(request)
-
-    def end(self) -> None:
-        """Refuse all orders from now on: no tick comes that could carry them out."""
-        self._ended = True
-        self._orders.clear()
+        self._orders.append(request)
 
     def update(self, time: float) -> None:
         """Carry out the orders that are due at a simulated time, s."""
@@ -162,11 +150,9 @@ class LiveControls:
         """Kinds of orders that the run takes."""
         return {name for name, kind in ORDERS.items() if kind.part(self) is not None}
 
-    def apply(self, request: Any) -> None:
+    def apply(self, request: dict[str, Any]) -> None:
         """Carry out an order, {"do": name, …}, now; `message` says whether it was refused."""
         try:
-            if not isinstance(request, dict) or not isinstance(request.get("do"), str):
-                raise InputError("a request must say what to do")
             kind = ORDERS[choose("request", request["do"], self.offered)]
             facts = kind.carry_out(kind.part(self), request)
         except Exception as error:  # whatever a page asks for, the control loop goes on
@@ -175,10 +161,6 @@ class LiveControls:
                 _log.warning("a request of the page failed", exc_info=True)
             return
         entry = {"time": self.time, "what": request["do"], **facts}
-        last = self.interventions[-1] if self.interventions else None
-        if last is not None and last["what"] == "drive" == entry["what"] and last["time"] == entry["time"]:
-            self.interventions.pop()  # only the last of several commands to one tick counts
-            self._reported = min(self._reported, len(self.interventions))
         self.interventions.append(entry)
         self.message = intervention_text(entry)
 
@@ -290,6 +272,10 @@ def checked_interventions(entries: Iterable[Any]) -> list[dict[str, Any]]:
                 raise InputError(f"{name} of a recorded change cannot be {shown(value)}")
         copies.append(dict(entry))
     return copies
+
+
+def _set_gain(stabilizer: Any, name: str, value: float) -> None:
+    stabilizer.gains = replace(stabilizer.gains, **{name: value})
 
 
 def _set_stiffness(walking: WalkingControl, foot: VariableStiffnessFoot, value: float) -> None:

@@ -96,8 +96,10 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh | None:
         return _field(model, int(model.geom_dataid[geom]))
     if kind == kinds.mjGEOM_BOX:
         return box(x, y, z)
-    if kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
-        return ball(x, y or x, z or x)
+    if kind == kinds.mjGEOM_SPHERE:
+        return ball(x, x, x)
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        return ball(x, y, z)
     if kind == kinds.mjGEOM_CYLINDER:
         return lathe([(0.0, -y), (x, -y), (x, -y), (x, y), (x, y), (0.0, y)])
     if kind == kinds.mjGEOM_CAPSULE:

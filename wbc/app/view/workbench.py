@@ -79,7 +79,6 @@ class Workbench(View):
             gui.add_html(text_html(how))
             when(gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
             when(gui.add_button("leave").on_click, lambda _: answers.append(False))
-        self.controls.end()
         try:
             while not answers and self._attended:
                 clock.sleep(PAUSE_TICK)
