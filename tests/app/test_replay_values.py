@@ -15,8 +15,7 @@ from log_writing import made_log
 
 from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
-from wbc.app.log.signals import Signal
-from wbc.app.replay import convert, film
+from wbc.app.replay import film
 from wbc.app.replay.film import FOLLOW_TIME
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _walk_marks
 from wbc.app.replay.rerun_file import RerunFile
@@ -265,17 +264,15 @@ def file_of(log: Log, rerun: Any) -> Any:
     return file
 
 
-def test_numbers_of_a_group_are_one_entity_without_those_that_are_none(told: tuple[Log, Rerun]) -> None:
+def test_numbers_of_a_group_are_one_entity(told: tuple[Log, Rerun]) -> None:
     log, rerun = told
-    signals = [log.signals[name] for name in ("v/x", "v/no", "v/one y", "state")]
     file = file_of(log, rerun)
-    file.write_numbers("v", convert.with_numbers(log, signals))
+    file.write_numbers("v", [log.signals[name] for name in ("v/x", "v/one y")])
     assert rerun.logged == [("v", ["x (m)", "one_y (m)"])]
     times, (values, sizes) = rerun.columns["v"]
     np.testing.assert_array_equal(times, TIME)
     np.testing.assert_allclose(values, np.column_stack([TIME, -TIME]))
     assert (sizes == 2).all()
-    assert not convert.with_numbers(log, [Signal("v/no"), Signal("state", kind="text")])
 
 
 def test_texts_of_every_tick_are_states_and_others_events(told: tuple[Log, Rerun]) -> None:

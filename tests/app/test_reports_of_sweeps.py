@@ -116,17 +116,3 @@ def test_a_trial_is_the_same_when_status_and_result_are(
         assert ("steps_done" in said) is (result is not None) and ("two" in said) is (result is None)
         assert main([*words, "--json"]) == RAN
         assert json.loads(capsys.readouterr().out)["same"] is same
-    assert main([*words, "-o", str(tmp_path / "spec.json")]) == RAN
-    written = (tmp_path / "spec.json").read_text(encoding="utf-8")
-    assert json.loads(written) == entry.spec and written.endswith("}\n")
-    capsys.readouterr()
-
-    study = tmp_path / "study.json"
-    study.write_text(json.dumps(PLAIN), encoding="utf-8")
-    words = ["study", "table", str(study), "--journal", str(journal), "--any-code"]
-    assert main([*words, "--json"]) == RAN
-    data = json.loads(capsys.readouterr().out)
-    assert main([*words, "-o", str(tmp_path / "table.json")]) == RAN
-    capsys.readouterr()
-    written = (tmp_path / "table.json").read_text(encoding="utf-8")
-    assert json.loads(written) == data and written.endswith("}\n")

@@ -87,6 +87,7 @@ class Fields:
         item = _item(hint)
         if is_dataclass(item) or typing.get_origin(item) is tuple:
             hint = tuple[str, ...]
+        marks = getattr(_hint(kind, name, extras=True), "__metadata__", ())
         missing = own.default is MISSING and own.default_factory is MISSING and not self.fields
         return inspect.Parameter(
             _identifier(option),
@@ -95,7 +96,7 @@ class Fields:
             annotation=Annotated[
                 hint if item is not None else hint | None,
                 Parameter(name=f"--{option}", help=about, show_default=False),
-                *(each for each in _marks(_hint(kind, name, extras=True)) if isinstance(each, Parameter)),
+                *(mark for mark in marks if isinstance(mark, Parameter)),
             ],
         )
 
@@ -109,7 +110,9 @@ def with_options(command: Callable[..., None], **more: type) -> Callable[..., No
     added = {name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY) for name in more}
     parameters, groups = [], {}
     for name, parameter in {**inspect.signature(command).parameters, **added}.items():
-        chosen = next((mark for mark in _marks(hints[name]) if isinstance(mark, Fields)), None)
+        chosen = next(
+            (mark for mark in getattr(hints[name], "__metadata__", ()) if isinstance(mark, Fields)), None
+        )
         if chosen is None and is_dataclass(hints[name]):
             chosen = Fields(hints[name])
         if chosen is None:
@@ -178,11 +181,6 @@ def _hints(kind: type, extras: bool) -> dict[str, Any]:
 def _hint(kind: type, name: str, extras: bool = False) -> Any:
     """Return the type of a field, without ranges and units unless they are asked for."""
     return _hints(kind, extras)[name]
-
-
-def _marks(hint: Any) -> tuple[Any, ...]:
-    """Return what an annotation says beside the type."""
-    return getattr(hint, "__metadata__", ())
 
 
 def _item(hint: Any) -> Any:

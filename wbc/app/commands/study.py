@@ -18,7 +18,7 @@ from rich.progress import Progress, TextColumn
 from wbc.app.files import PICTURES, read_object
 from wbc.app.output import Report, facts_text, progress_console, reports
 from wbc.base.errors import InputError, one_line, printable, unknown_name
-from wbc.base.files import check_target, replacing, write_text
+from wbc.base.files import check_target, replacing
 from wbc.base.registry import allow_code, code_of
 from wbc.base.settings import Count, Positive, settings, to_json
 from wbc.sim.studies.journal import Entry, Journal, canonical, check_journal_path, read_journal
@@ -87,8 +87,8 @@ class ResultOptions:
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
-        out: File to write. Of a table: a row for each trial, with units in the heads of the columns (.csv), or the
-            result (.json). Of a figure: .png, .pdf, .svg or .jpg, the name of the journal with .png when not given.
+        out: File to write. Of a table: a row for each trial, with units in the heads of the columns (.csv). Of a
+            figure: .png, .pdf, .svg or .jpg, the name of the journal with .png when not given.
     """
 
     journal: Path
@@ -134,9 +134,9 @@ def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions) -> 
     """Make a table of a study from its journal, or a spreadsheet."""
     target = options.out
     if target is not None:
-        target = check_target("a table", target, (".csv", ".json"), [options.journal, study])
+        target = check_target("a table", target, (".csv",), [options.journal, study])
     chosen, entries, unused = _results(study, options, part)
-    if target is not None and target.suffix.lower() == ".csv":
+    if target is not None:
         frame = study_frame(chosen, entries)
         with replacing(target) as new:
             heads = [_cell(chosen.titled(name)) for name in frame.columns]
@@ -144,10 +144,7 @@ def table(study: StudyFile, /, *, options: ResultOptions, part: PartOptions) -> 
         facts = {"table": str(target), "rows": len(frame), "columns": list(frame.columns), **unused}
         return Report(facts, f"{len(frame)} rows with {len(frame.columns)} columns written to {target}")
     made = options.table(chosen, entries)
-    data, text = made.to_json() | unused, made.markdown()
-    if target is not None:
-        write_text(target, json.dumps(data, indent=1) + "\n")
-    return Report(data, text)
+    return Report(made.to_json() | unused, made.markdown())
 
 
 @reports
@@ -227,7 +224,6 @@ class RunOptions:
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
         key: Key of a trial of the journal, or the beginning of it, that is run again instead; the journal is only read.
-        out: File to write the spec of that trial to before it runs (.json), for `wbc walk --spec`.
     """
 
     journal: Path
@@ -236,7 +232,6 @@ class RunOptions:
     timeout: Annotated[Positive, "s"] = TIMEOUT
     retry: bool = False
     key: str | None = None
-    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
     def __post_init__(self) -> None:
         check_journal_path(self.journal)
@@ -247,12 +242,12 @@ def run(study: StudyFile | None = None, /, *, options: RunOptions, part: PartOpt
     """Run the trials of a study that its journal does not have; it can be stopped, and continues from there.
 
     With --key, run one trial of the journal again, in this process, and compare: for trials that diverged, crashed or
-    took too long, whose commands are printed.
+    took too long, whose commands are printed. With --json its spec is printed, too, for `wbc walk --spec`.
     """
     if options.key is not None:
         return _rerun(options, options.key)
-    if study is None or options.out is not None:
-        raise InputError("give a study to run, or the --key of a trial of the journal (and -o for its spec)")
+    if study is None:
+        raise InputError("give a study to run, or the --key of a trial of the journal")
     chosen = part.part(study)
     allow_code(chosen.to_json())
     try:
@@ -287,9 +282,6 @@ def run(study: StudyFile | None = None, /, *, options: RunOptions, part: PartOpt
 
 
 def _rerun(options: RunOptions, key: str) -> Report:
-    target = None
-    if options.out is not None:
-        target = check_target("a spec", options.out, (".json",), [options.journal])
     entries = entries_of(options.journal)
     found = [entry for name, entry in entries.items() if key and name.startswith(key)]
     if not found:
@@ -298,8 +290,6 @@ def _rerun(options: RunOptions, key: str) -> Report:
         raise InputError(f"{len(found)} keys of the journal begin with '{key}'; give more of it")
     entry = found[0]
     spec = trial_from_json(entry.spec)
-    if target is not None:
-        write_text(target, json.dumps(entry.spec, indent=2) + "\n")
     outcome = run_trial(spec, options.timeout)
     same = outcome.status == entry.status and canonical(outcome.result) == canonical(entry.result)
     other = differences(entry.version)
@@ -340,17 +330,10 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             executor = stack.enter_context(cluster_executor(options.cluster))
         columns = (
             *Progress.get_default_columns(),
-            TextColumn("{task.completed} of {task.total}  {task.fields[rate]}"),
+            TextColumn("{task.completed} of {task.total}"),
         )
         bar = stack.enter_context(Progress(*columns, console=progress_console()))
-        task = bar.add_task(escape(one_line(study.name)), total=len(specs), rate="")
-
-        def progress(summary: SweepSummary) -> None:
-            per_hour = summary.per_hour
-            rate = "" if per_hour is None else f"{per_hour:.0f} an hour"
-            done = summary.found + summary.run
-            bar.update(task, total=summary.total, completed=done, rate=rate)
-
+        task = bar.add_task(escape(one_line(study.name)), total=len(specs))
         return sweep(
             specs,
             journal,
@@ -358,5 +341,5 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             workers=options.workers,
             timeout=options.timeout,
             retry=options.retry,
-            progress=progress,
+            progress=lambda summary: bar.update(task, completed=summary.found + summary.run),
         )

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from wbc.app.view.base import View
     from wbc.sim.walks.result import WalkResult
 
-CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
-"""Meaning of the signal that holds the interventions of a run."""
-
 PAIRS = ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes")
 """Fields that hold names and values."""
 
@@ -167,7 +164,8 @@ class _Run:
                 place = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
             if place is not None:
                 self._record = record = stack.enter_context(Recorder(place, spec=self.spec))
-                record.add("view/change", news, about=CHANGE)
+                about = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
+                record.add("view/change", news, about=about)
                 hooks.insert(0, record)
             result: WalkResult = trial.run(hooks)
             if original is not None and place is not None and self.loss is None:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, cast
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 
@@ -35,8 +36,6 @@ from wbc.tasks.stabilizer.pendulum import dcm
 
 def add_plant(signals: Signals, tick: Tick) -> None:
     """Describe base, joints, soles, centre of mass and pushes of a plant, copied from MuJoCo's state."""
-    import mujoco  # noqa: PLC0415 - a plant has imported it
-
     plant = cast(Plant, tick.plant)
     model, data = plant.model, plant.data
     own = [i for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
@@ -140,8 +139,6 @@ def dcm_of(tick: Tick, state: Robot | TrueState | None) -> Array | None:
 
 def furniture_signals(plant: Plant) -> list[tuple[str, str, int]]:
     """Return name, unit and place in MuJoCo's positions of each coordinate of the furniture that moves."""
-    import mujoco  # noqa: PLC0415 - a plant has imported it
-
     model, kinds, found = plant.model, mujoco.mjtJoint, dict[str, tuple[str, int]]()
     place = [(f"position/{axis}", "m") for axis in XYZ]
     turn = [(f"orientation/{axis}", "1") for axis in "wxyz"]

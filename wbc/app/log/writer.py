@@ -65,7 +65,12 @@ class LogWriter:
         Raises:
             InputError: The file cannot be written, exists and is not a log, or is being written.
         """
-        self.path, self.ended = check_path(path), False
+        self.path, self.ended, start = check_target("the log", path), False, b""
+        if self.path.exists():
+            with parsing(self.path, "log"), self.path.open("rb") as file:
+                start = file.read(len(MAGIC))
+        if start and start != MAGIC:
+            raise InputError(f"{self.path} is there already and is no log; choose another name")
         self._place = _Place(self.path)
         self._failure: str | None = None
         self._rows = self._written = 0
@@ -223,14 +228,3 @@ def _lock(file: int, path: Path) -> None:
         ) from error
     except OSError:  # a file system without locks
         pass
-
-
-def check_path(path: str | Path) -> Path:
-    """Return the path of a log to be written; `InputError` for no such folder, or a file that is not a log."""
-    target, start = check_target("the log", path), b""
-    if target.exists():
-        with parsing(target, "log"), target.open("rb") as file:
-            start = file.read(len(MAGIC))
-    if start and start != MAGIC:
-        raise InputError(f"{target} is there already and is no log; choose another name")
-    return target

@@ -22,8 +22,6 @@ from wbc.base.errors import InputError, choose, printable
 from wbc.base.files import check_target, replacing, save_figure
 from wbc.core.robot import SIDES
 
-DPI = 130
-
 _LOADED_FEET = {"wrench_measured": 6, "estimated/position": 2, "estimated/orientation": 4}
 _PLANNED_FEET = {"reference/position": 3, "reference/orientation": 4}
 
@@ -117,6 +115,6 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
     written = []
     for name, figure in figures.items():
         place = target if len(figures) == 1 else target.with_name(f"{target.stem}-{name}{target.suffix}")
-        save_figure(figure, place, dpi=DPI)
+        save_figure(figure, place, dpi=130)
         written.append(place)
     return written

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def draw_stiffness(logs: Sequence[Log]) -> Figure:
     """Draw stiffness and range over time and the scanned ground along the walk, one column for each log."""
-    parts = [_one_stiffness]
+    parts: list[Callable[[Axes, Log, str], None]] = [_one_stiffness]
     if any(_has_ranges(log) for log in logs):
         parts.append(_one_range)
     if any(scans(log) for log in logs):
@@ -38,8 +38,7 @@ def _has_ranges(log: Log) -> bool:
     return all(name in log for name in names) and any(np.isfinite(log[name]).any() for name in names)
 
 
-def _one_range(ax: Axes, log: Log, name: str) -> None:
-    del name
+def _one_range(ax: Axes, log: Log, _: str) -> None:
     if not _has_ranges(log):
         ax.set_visible(False)
         return
@@ -65,8 +64,7 @@ def _one_stiffness(ax: Axes, log: Log, name: str) -> None:
     legend(ax, columns=5, title=name)
 
 
-def _one_ground(ax: Axes, log: Log, name: str) -> None:
-    del name
+def _one_ground(ax: Axes, log: Log, _: str) -> None:
     steps = scans(log)
     ax.set_visible(bool(steps))
     for side, x, z, stiffness in steps:

@@ -31,25 +31,13 @@ FORMATS: dict[str, tuple[str, type[LogFile]]] = {
 }
 """Ending of a file → library that it needs, which is the name of the extra, too, and the file of a log."""
 
-RATE = 30.0
-"""Rate at which the scene is written, 1/s."""
-
-
-def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a file to convert to, after `check_target` and a check that its writer is there."""
-    target = check_target("a converted log", path, tuple(FORMATS), inputs)
-    extra, _ = FORMATS[target.suffix.lower()]
-    if importlib.util.find_spec(extra) is None:
-        raise InputError(f'{target.name} needs the extra "{extra}": pip install -e ".[{extra}]" in the clone')
-    return target
-
 
 @checked
 def convert_log(
     log: Log,
     path: str | Path,
     *,
-    rate: Annotated[Positive, "1/s"] = RATE,
+    rate: Annotated[Positive, "1/s"] = 30.0,
     progress: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> str | None:
     """Write a log as an RRD file for Rerun, or as an MCAP file for Foxglove.
@@ -63,7 +51,10 @@ def convert_log(
     Returns:
         Reason why the file contains only the signals; None if it also contains the scene.
     """
-    target = check_conversion(path, [log.path])
+    target = check_target("a converted log", path, tuple(FORMATS), [log.path])
+    extra, kind = FORMATS[target.suffix.lower()]
+    if importlib.util.find_spec(extra) is None:
+        raise InputError(f'{target.name} needs the extra "{extra}": pip install -e ".[{extra}]" in the clone')
     if not len(log):
         raise InputError(f"{log.path} holds no ticks; there is nothing to convert")
     reason = replay = None
@@ -76,22 +67,18 @@ def convert_log(
         if name != "time":
             groups.setdefault(name.rpartition("/")[0] or name, []).append(signal)
     with replacing(target) as new:
-        file = FORMATS[target.suffix.lower()][1](new, log)
+        file = kind(new, log)
         scene = None if replay is None else file.scene(replay.stage)
         ticks = [] if replay is None else dict.fromkeys(replay.ticks(rate))
         for step in progress([*groups, *ticks]):
             if isinstance(step, str):
-                if numbers := with_numbers(log, groups[step]):
-                    file.write_numbers(step, numbers)
-                for signal in groups[step]:
-                    if signal.kind == "text":  # lists are drawn in the scene
-                        file.write_texts(signal.name)
+                texts = [each for each in groups[step] if each.kind == "text"]
+                numbers = [each for each in groups[step] if each.kind not in ("text", "list")]
+                if known := [each for each in numbers if np.isfinite(log[each.name]).any()]:
+                    file.write_numbers(step, known)
+                for signal in texts:  # lists are drawn in the scene
+                    file.write_texts(signal.name)
             elif replay is not None and scene is not None:
                 scene.draw(replay.picture(step))
         file.close()
     return reason
-
-
-def with_numbers(log: Log, signals: Sequence[Signal]) -> list[Signal]:
-    """Return the signals that have a number in at least one tick."""
-    return [s for s in signals if s.kind not in ("text", "list") and np.isfinite(log[s.name]).any()]

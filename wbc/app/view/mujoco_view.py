@@ -28,9 +28,6 @@ LEVEL, ONES = np.eye(3), np.ones(3)
 PATIENCE = 10.0
 """Longest time that a window may take for its last frame, s."""
 
-TOP = mujoco.mjtGridPos.mjGRID_TOPLEFT
-"""Place of the texts."""
-
 
 def paint_bodies(model: mujoco.MjModel, colours: Mapping[int, Colour]) -> None:
     """Give bodies of a model their colours."""
@@ -133,7 +130,8 @@ class MujocoView(View):
             self._window.cam.lookat[:2] = picture.target[:2]
         self._window.sync()
         if not self._telling.is_alive():  # a text waits for the next frame of the window; the run does not
-            text = (None, TOP, "\n".join(picture.lines).replace("°", " deg"), "")
+            lines = "\n".join(picture.lines).replace("°", " deg")
+            text = (None, mujoco.mjtGridPos.mjGRID_TOPLEFT, lines, "")
             self._telling = threading.Thread(target=self._window.set_texts, args=(text,), daemon=True)
             self._telling.start()
 
