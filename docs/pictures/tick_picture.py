@@ -33,7 +33,7 @@ TARGETS: Mapping[str, str] = {
 }
 """Call between estimate and QP of a walk → what the picture says of it."""
 
-FIRST: Mapping[str, str] = {"_fast.solve": "active set,", "_daqp.solve": "else DAQP,"}
+FIRST: Mapping[str, str] = {"_fast.solve": "active set,", "_by_daqp": "else DAQP,"}
 RESCUE: Mapping[str, str] = {"_by_daqp_alone": "else DAQP anew"}
 """Call of the solver, and of its rescue → what the picture says of it."""
 

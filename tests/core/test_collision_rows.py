@@ -12,7 +12,6 @@ from properties import by_default
 
 import wbc
 from wbc.base.numbers import Array
-from wbc.core.limits.facing import Facing
 from wbc.core.robot import Robot
 
 
@@ -76,29 +75,6 @@ def test_corners_of_what_a_box_faces_have_their_depth_and_its_derivative(turn: f
             robot.update_jacobians(pin.integrate(robot.model, q, step * v))
             ends.append(depths())
         assert (rows @ v)[order] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
-
-
-def test_faces_are_looked_for_again_only_where_shapes_have_moved_against_each_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """By a hundredth of their distance or turn: what is found is used in many ticks."""
-    robot, found = panda().robot(), []
-    under = wbc.Obstacle("box", wbc.CollisionBox((0.06, 0.04, 0.05)))
-    limit = wbc.CollisionLimit(
-        obstacles=[under],
-        against=["panda_hand"],
-        shapes={"panda_hand": wbc.CollisionBox((0.4, 0.4, 0.1))},
-        margin=0.0,
-        influence=0.5,
-    )
-    limit.bind(robot)
-    find = Facing._find
-    monkeypatch.setattr(Facing, "_find", lambda self, *parts: found.append(0) or find(self, *parts))
-    hand = pin.SE3(robot.placement("panda_hand"))
-    for way, turn, count in ((0.0, 0.0, 1), (0.0, 0.0, 1), (2e-4, 0.0, 1), (5e-3, 0.0, 2), (5e-3, 0.1, 3)):
-        under.placement = hand * pin.SE3(pin.exp3(np.array([0.0, 0.0, turn])), np.array([way, 0.0, -0.11]))
-        step_rows(limit, robot)
-        assert len(found) == count
 
 
 def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:

@@ -314,7 +314,6 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "placement": (lambda: wbc.Obstacle("x", BALL, np.eye(4)), "placement of Obstacle"),  # type: ignore[arg-type]
     "velocity": (lambda: setattr(wbc.Obstacle("x", BALL), "velocity", [0.0]), "velocity of obstacle 'x'"),
     "far hull": (lambda: wbc.CollisionHull(((1e77, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))), "1000000"),
-    "far sphere": (lambda: wbc.CollisionSphere(0.1, (0.0, 1e77, 0.0)), "1000000"),
     "large sphere": (lambda: wbc.CollisionSphere(1e77), "1000000"),
     "far obstacle": (
         lambda: wbc.Obstacle("far", wbc.CollisionSphere(0.1), pin.SE3(np.eye(3), np.full(3, 1e77))),

@@ -17,8 +17,6 @@ import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.limits.joint import stopping_velocity
-from wbc.core.qp.closure import LoopClosure
-from wbc.core.qp.motion import Motion
 from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import Robot
 from wbc.tasks import JointTorqueTask, LookAtTask, LowAccelerationTask, MomentumTask, RelativeFrameTask
@@ -180,34 +178,6 @@ def test_rows_read_no_more_of_the_state_than_they_say(name: str) -> None:
         ik.remove(task)
 
 
-@pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
-def test_rows_without_the_drift_are_those_with_it(name: str) -> None:
-    robot, rng = robot_of(name), np.random.default_rng(0)
-    tasks = [case.make(robot) for case in MOTION_TASKS.values()]
-    holds = [wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot", torsion=0.01)]
-    holds += [
-        wbc.PointContact(right_hand(robot), normal=(0.3, 0.2, 1.0)),
-        wbc.FixedContact(robot.torso_frame),
-    ]
-    holds += [
-        LoopClosure(left_hand(robot), right_hand(robot), rotation=turn, name=str(turn))
-        for turn in (True, False)
-    ]
-    quick = 0
-    for each in (*tasks, *holds):
-        each.bind(robot)
-        robot.update(*near_half_sitting(robot, rng, 0.2, 1.0))
-        size = each._choice.n_rows if isinstance(each, wbc.Task) else each.dim
-        if type(each).evaluate is Motion.evaluate:
-            quick += 1
-            full, lean = np.zeros((size, robot.nv)), np.ones((size, robot.nv))
-            errors = np.zeros(size), np.ones(size)
-            each.evaluate(full, errors[0], np.zeros(size))
-            each.measure(lean, errors[1])
-            assert lean == pytest.approx(full) and errors[1] == pytest.approx(errors[0])
-    assert quick > 8
-
-
 def test_a_class_that_changes_the_rows_of_another_is_heard() -> None:
     class Half(wbc.PositionTask):
         def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -267,19 +237,6 @@ def test_a_contact_that_is_switched_off_moves_and_holds_again_where_it_is() -> N
     for _ in range(20):
         ik.step()
     assert robot.placement(foot.frame).translation == pytest.approx(place, abs=1e-6)
-
-
-def test_targets_move_and_arrive() -> None:
-    ik = solver("panda")
-    hand = ik.add(wbc.PositionTask("panda_hand"))
-    goal = hand.target + [0.0, 0.2, 0.1]
-    hand.move_to(goal, duration=0.5)
-    for _ in range(50):
-        ik.step()
-        assert np.linalg.norm(hand.error) < 2e-3  # the velocity of the target is fed forward
-    for _ in range(30):
-        ik.step()
-    assert hand.reached and ik.robot.placement("panda_hand").translation == pytest.approx(goal, abs=1e-3)
 
 
 def test_velocities_make_the_momentum_that_is_asked_for() -> None:
@@ -403,7 +360,7 @@ def test_the_stopping_velocity_is_the_greatest_that_stops_in_time(
 
 
 def test_joints_that_are_not_limited_go_where_they_are_sent() -> None:
-    """In both solvers: the fourth joint is sent beyond its limit, and so is the first, which is limited."""
+    """The fourth joint is sent beyond its limit, and so is the first, which is limited."""
     robot = robot_of("panda")
     high, limits = robot.position_upper + 0.2, wbc.JointLimits(joints=["panda_joint1"], velocity=False)
     ik = wbc.InverseKinematics(robot, 0.01)
@@ -413,30 +370,6 @@ def test_joints_that_are_not_limited_go_where_they_are_sent() -> None:
     for _ in range(200):
         ik.step()
     assert robot.q[0] <= robot.position_upper[0] and robot.q[3] > robot.position_upper[3] + 0.1
-    ik.remove(posture, limits)
-    robot, posture = robot_of("panda"), wbc.PostureTask()
-    controller = wbc.Controller(robot, 0.005)
-    controller.add(limits, posture)
-    posture.follow(high)
-    q, v = robot.q.copy(), robot.v.copy()
-    for _ in range(600):
-        controller.update(q, v)
-        v = v + 0.005 * controller.solve().accelerations
-        q = pin.integrate(robot.model, q, 0.005 * v)
-    assert q[0] <= robot.position_upper[0] and q[3] > robot.position_upper[3] + 0.1
-
-
-def test_the_centre_of_mass_stays_in_its_polygon() -> None:
-    ik = solver("talos")
-    polygon = ik.add(wbc.CoMPolygonLimit())
-    com = ik.add(wbc.CoMTask())
-    com.target = com.target + [0.5, 0.2, 0.0]
-    for _ in range(200):
-        ik.step()
-        assert polygon.distance > -1e-6
-    assert polygon.distance < 1e-3
-    found = ik.reach()
-    assert polygon.name in found.held_by and "com" in found.missed
 
 
 # ---- searches -----------------------------------------------------------------------------------------------------

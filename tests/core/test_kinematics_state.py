@@ -165,12 +165,3 @@ def test_a_search_from_a_configuration_that_is_none_reaches_nothing() -> None:
     ik.robot.q[0] = NAN
     found = ik.reach()
     assert not found.reached and set(found.missed) == {"panda_hand pose"}
-
-
-def test_a_step_that_gives_way_is_no_error() -> None:
-    ik = arm(wbc.JointLimits())
-    place = ik.robot.placement("panda_hand").translation.copy()
-    for name, way in (("here", 0.1), ("there", -0.1)):
-        ik.add(wbc.PositionTask("panda_hand", place + [0.0, way, 0.0], hard=True, name=name))
-    ik.step()
-    assert ik.solution is not None and ik.solution.status is Status.RELAXED

@@ -11,7 +11,6 @@ from problem_streams import ProblemStream, least_violation
 from wbc.base.errors import UnknownNameError
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solver import (
-    DaqpSolver,
     QpSolver,
     SolverSettings,
     Status,
@@ -51,8 +50,8 @@ def test_daqp_finds_the_same_from_any_guess_and_repeats_bit_for_bit() -> None:
         solution = problems.step()
     p = problems.controller.problem
     hessian, gradient, rng = p.hessian, p.gradient, np.random.default_rng(0)
-    reference = DaqpSolver(p, 1e-7).solve(hessian, gradient, solution.multipliers)
-    again = DaqpSolver(p, 1e-7).solve(hessian, gradient, solution.multipliers)
+    reference = QpSolver(p)._by_daqp(hessian, gradient, solution.multipliers)
+    again = QpSolver(p)._by_daqp(hessian, gradient, solution.multipliers)
     assert reference is not None and again is not None
     for one, other in zip(reference, again, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -63,7 +62,7 @@ def test_daqp_finds_the_same_from_any_guess_and_repeats_bit_for_bit() -> None:
     for _ in range(10):
         guess = np.where(rng.random(p.lower.size) < 0.1, rng.normal(size=p.lower.size), 0.0)
         guess[~np.isfinite(np.where(guess > 0.0, p.upper, p.lower))] = 0.0
-        found = DaqpSolver(p, 1e-7).solve(hessian, gradient, guess)
+        found = QpSolver(p)._by_daqp(hessian, gradient, guess)
         assert found is not None
         np.testing.assert_allclose(found[0], x, atol=1e-5)
     other_x = solve_by_qpsolvers("proxqp", p)

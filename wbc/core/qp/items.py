@@ -90,7 +90,11 @@ class Items:
         # Binding changes nothing that counts until the item is in a controller: each is bound anew when it is added.
         for each in new:
             self._bind(each)
-        self._check_names(new)
+        names = {item.name for item in self._items()}
+        for each in new:  # a contact of a sole has its name from the robot, when it is bound
+            if each.name in names:
+                raise InputError(f"the name '{each.name}' is taken; give one of the two another name")
+            names.add(each.name)
         self._check_together(new)
         for each in new:
             self._list_of(each).append(each)
@@ -137,14 +141,6 @@ class Items:
                     f"got {shown(name)} and {shown(dim)}"
                 )
 
-    def _check_names(self, new: Sequence[Item]) -> None:
-        """Refuse names that are taken; a contact of a sole has its name from the robot, when it is bound."""
-        names = {item.name for item in self._items()}
-        for item in new:
-            if item.name in names:
-                raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
-            names.add(item.name)
-
     def _check_together(self, new: Sequence[Item]) -> None:
         """Refuse items, which are bound, that the solver cannot use."""
 
@@ -185,11 +181,13 @@ class Items:
 
     def task(self, name: str) -> Task:
         """Return a task by name."""
-        return _by_name("task", name, self._tasks)
+        named = {task.name: task for task in self._tasks}
+        return named[choose("task", name, named)]
 
     def contact(self, name: str) -> Contact:
         """Return a contact by name."""
-        return _by_name("contact", name, self._contacts)
+        named = {contact.name: contact for contact in self._contacts}
+        return named[choose("contact", name, named)]
 
     def held_back(self) -> dict[str, tuple[str, ...]]:
         """Return the tasks that others hold off their targets at the last tick → names of what does; slow.
@@ -240,14 +238,8 @@ class Items:
                 task.move_on(self.dt)
 
     def __repr__(self) -> str:
-        lists: dict[str, Sequence[Item]] = {
-            "tasks": self._tasks,
-            "contacts": self._contacts,
-            "limits": self._limits,
-        }
-        held = "; ".join(
-            f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists.items() if items
-        )
+        lists = ("tasks", self.tasks), ("contacts", self.contacts), ("limits", self.limits)
+        held = "; ".join(f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists if items)
         return f"{type(self).__name__}({self.robot!r}, dt={self.dt:g} s{f'; {held}' if held else ''})"
 
 
@@ -261,8 +253,3 @@ def bind(item: Item, robot: Robot) -> None:
 def _with_parts(*items: Item) -> tuple[Item, ...]:
     """Return items, each followed by the items that come and go with it."""
     return tuple(part for item in items for part in (item, *getattr(item, "parts", ())))
-
-
-def _by_name(kind: str, name: str, items: Sequence[ItemT]) -> ItemT:
-    named = {item.name: item for item in items}
-    return named[choose(kind, name, named)]

@@ -35,6 +35,9 @@ UNBOUNDED = 1e30
 MAX_ITERATIONS = 1000
 """Changes of the active set after which DAQP gives up; a tick with a hundred rows takes 10 to 60."""
 
+DAQP_TOLERANCE = 1e-7
+"""Greatest violation of a row by DAQP."""
+
 SLACK = 1e-4
 """Violation of an inequality that yields to the costs alone, as a share of what they would have of it."""
 
@@ -54,69 +57,6 @@ class Relaxed:
     equalities: Mask
     inequalities: Mask
     cost: float
-
-
-class DaqpSolver:
-    """DAQP on one problem whose numbers change, with arrays that are reused.
-
-    DAQP is an exact dual active-set method; the same numbers give the same solution, bit for bit.
-
-    Attributes:
-        iterations: Iterations of the last solve.
-    """
-
-    def __init__(self, problem: Problem, tolerance: float) -> None:
-        """Prepare for a problem, whose arrays are read by every `solve`; the tolerance is that of a row."""
-        self._problem, self._tolerance = problem, tolerance
-        rows = problem.n_eq + problem.lower.size
-        self._rows = np.zeros((rows, problem.diagonal.size))
-        self._upper, self._lower = np.zeros(rows), np.zeros(rows)
-        self._sense = np.zeros(rows, dtype=np.intc)
-        self.iterations = 0
-
-    def solve(
-        self, hessian: Array, gradient: Array, guess: Array, relaxed: Relaxed | None = None
-    ) -> tuple[Array, Array] | None:
-        """Solve the problem with its Hessian, shape (n, n), and gradient, shape (n,), from a guess of the active set.
-
-        The guess are multipliers of the inequalities, shape (n_in,): those that are not zero are tried first.
-        All rows are constraints but those that are relaxed. Returned are the solution, and multipliers of the
-        inequalities; None without a solution.
-        """
-        p, n_eq = self._problem, self._problem.n_eq
-        rows, upper, lower, sense = self._rows, self._upper, self._lower, self._sense
-        rows[:n_eq], rows[n_eq:] = p.equality, p.inequality
-        upper[:n_eq] = lower[:n_eq] = p.equality_target
-        upper[n_eq:], lower[n_eq:] = p.upper, p.lower
-        sense[:n_eq], sense[n_eq:] = EQUALITY, FREE
-        if p.empty is not None:  # rows 0 = 0, which DAQP would find dependent
-            self._free(np.flatnonzero(p.empty))
-        active = guess.nonzero()[0]
-        sense[n_eq:][active] = np.where(guess[active] > 0.0, AT_UPPER, AT_LOWER)
-        if relaxed is not None:
-            given = relaxed.equalities.nonzero()[0]
-            soft, target = p.equality[given], p.equality_target[given]
-            hessian = hessian + relaxed.cost * np.dot(soft.T, soft)
-            gradient = gradient - relaxed.cost * np.dot(target, soft)
-            self._free(given)
-            sense[n_eq:][relaxed.inequalities] = YIELDING
-        x, _, flag, info = daqp.solve(
-            hessian,
-            gradient,
-            rows,
-            upper,
-            lower,
-            sense,
-            primal_tol=self._tolerance,
-            iter_limit=MAX_ITERATIONS,
-            rho_soft=SLACK,
-        )
-        self.iterations = int(info["iterations"])
-        return None if flag < 1 else (x, info["lam"][n_eq:])
-
-    def _free(self, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> None:
-        self._sense[rows] = FREE
-        self._upper[rows], self._lower[rows] = UNBOUNDED, -UNBOUNDED
 
 
 def solve_by_qpsolvers(name: str, problem: Problem, tolerance: float = 1e-6) -> tuple[Array, Array] | None:
@@ -252,7 +192,10 @@ class QpSolver:
         self.iterations = 0
         rescues = ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed")
         self.counts = dict.fromkeys(("active set", "DAQP", *rescues), 0)
-        self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
+        rows = problem.n_eq + problem.lower.size  # of DAQP, whose arrays are reused
+        self._rows = np.zeros((rows, problem.diagonal.size))
+        self._upper, self._lower = np.zeros(rows), np.zeros(rows)
+        self._sense = np.zeros(rows, dtype=np.intc)
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
         self._steady = True  # the active set was the same in the last tick as in the one before
@@ -271,8 +214,7 @@ class QpSolver:
         hessian, gradient, before = p.hessian, p.gradient, self.multipliers
         self._steady, by_daqp = True, self.settings.solver in ("auto", "daqp")
         if by_daqp:
-            found = self._daqp.solve(hessian, gradient, before)
-            self.iterations = self._daqp.iterations
+            found = self._by_daqp(hessian, gradient, before)
         else:
             found = solve_by_qpsolvers(self.settings.solver, p, self.settings.tolerance)
         if found is None or not self._accept(*found):
@@ -282,6 +224,51 @@ class QpSolver:
             self._fast.guess(self.multipliers)
         self.counts["DAQP" if by_daqp else "other"] += 1
         return _SOLVED
+
+    def _by_daqp(
+        self, hessian: Array, gradient: Array, guess: Array, relaxed: Relaxed | None = None
+    ) -> tuple[Array, Array] | None:
+        """Solve with DAQP, an exact dual active-set method, from a guess of the active set.
+
+        Hessian and gradient have shapes (n, n) and (n,). The guess are multipliers of the inequalities, shape (n_in,):
+        those that are not zero are tried first. All rows are constraints but those that are relaxed. Returned are the
+        solution, and multipliers of the inequalities; None without a solution. The same numbers give the same solution,
+        bit for bit.
+        """
+        p, n_eq = self.problem, self.problem.n_eq
+        rows, upper, lower, sense = self._rows, self._upper, self._lower, self._sense
+        rows[:n_eq], rows[n_eq:] = p.equality, p.inequality
+        upper[:n_eq] = lower[:n_eq] = p.equality_target
+        upper[n_eq:], lower[n_eq:] = p.upper, p.lower
+        sense[:n_eq], sense[n_eq:] = EQUALITY, FREE
+        if p.empty is not None:  # rows 0 = 0, which DAQP would find dependent
+            self._free(np.flatnonzero(p.empty))
+        active = guess.nonzero()[0]
+        sense[n_eq:][active] = np.where(guess[active] > 0.0, AT_UPPER, AT_LOWER)
+        if relaxed is not None:
+            given = relaxed.equalities.nonzero()[0]
+            soft, target = p.equality[given], p.equality_target[given]
+            hessian = hessian + relaxed.cost * np.dot(soft.T, soft)
+            gradient = gradient - relaxed.cost * np.dot(target, soft)
+            self._free(given)
+            sense[n_eq:][relaxed.inequalities] = YIELDING
+        x, _, flag, info = daqp.solve(
+            hessian,
+            gradient,
+            rows,
+            upper,
+            lower,
+            sense,
+            primal_tol=min(self.settings.tolerance, DAQP_TOLERANCE),
+            iter_limit=MAX_ITERATIONS,
+            rho_soft=SLACK,
+        )
+        self.iterations = int(info["iterations"])
+        return None if flag < 1 else (x, info["lam"][n_eq:])
+
+    def _free(self, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> None:
+        self._sense[rows] = FREE
+        self._upper[rows], self._lower[rows] = UNBOUNDED, -UNBOUNDED
 
     def _rescue(self, hessian: Array, gradient: Array) -> Status:
         """Solve without a guess, or with small costs raised, or with tasks relaxed.
@@ -294,7 +281,7 @@ class QpSolver:
             self.counts["failed"] += 1
             return Status.REFUSED
         alike = np.eye(p.diagonal.size)
-        if self._daqp.solve(alike, np.zeros(p.diagonal.size), self._no_guess) is not None:
+        if self._by_daqp(alike, np.zeros(p.diagonal.size), self._no_guess) is not None:
             largest_cost = float(hessian.diagonal().max())
             if self._by_daqp_alone(hessian, gradient):
                 self.counts["DAQP without a guess"] += 1
@@ -322,7 +309,7 @@ class QpSolver:
         first, any_asking, all_limits = asking & (p.yielding == 1), asking & (p.yielding > 0), p.yielding > 0
         kept = np.zeros_like(asking)
         if relaxation is None:
-            if tasks.any() and self._daqp.solve(hessian, gradient, self._no_guess, Relaxed(tasks, kept, 1.0)):
+            if tasks.any() and self._by_daqp(hessian, gradient, self._no_guess, Relaxed(tasks, kept, 1.0)):
                 return False
             steps = [(none, first), (none, any_asking), (none, all_limits)]
         else:
@@ -339,7 +326,7 @@ class QpSolver:
 
     def _by_daqp_alone(self, hessian: Array, gradient: Array, relaxed: Relaxed | None = None) -> bool:
         """Solve with DAQP without a guess; return True if its solution is accepted."""
-        found = self._daqp.solve(hessian, gradient, self._no_guess, relaxed)
+        found = self._by_daqp(hessian, gradient, self._no_guess, relaxed)
         return found is not None and self._accept(*found, relaxed)
 
     def _accept(self, x: Array, z: Array, relaxed: Relaxed | None = None) -> bool:
