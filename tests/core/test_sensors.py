@@ -168,28 +168,30 @@ def test_predictions_are_over_the_time_that_has_passed_where_measurements_are_lo
     np.testing.assert_allclose(used.joint_velocity, rate, rtol=1e-9)
 
 
+def standing(rotation: Any, share: float = 0.5) -> Any:
+    """Return what the check of the accelerometer sees of a robot of 50 kg at rest; its left foot bears a share."""
+    inertial = SimpleNamespace(rotation=rotation, correction=Correction(legs=(0.0, 0.0, 0.0)))
+    rest = FeetAtRest([share, 1.0 - share], [], [])
+    return SimpleNamespace(
+        inertial=inertial, robot=SimpleNamespace(mass=50.0), rest=rest, net_wrench=np.zeros(6)
+    )
+
+
 def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_shows() -> None:
     """Its lag of 15 ms passes 3.5 of 4 m/s² after 31.2 ms and a period; it falls below 2 from 3.86 after 9.9 ms."""
     turn = pin.rpy.rpyToMatrix(0.2, -0.3, 0.5)
 
     def run(legs: float = 0.0, ground: float = 0.0, share: float = 0.5) -> list[bool]:
         """Ticks after 0.6 s of rest in which it is left out, for the acceleration of the legs and of the ground."""
-        inertial = SimpleNamespace(rotation=turn, correction=Correction(legs=(0.0, 0.0, 0.0)))
-        robot = SimpleNamespace(mass=50.0)
-        observer = SimpleNamespace(
-            inertial=inertial,
-            robot=robot,
-            rest=FeetAtRest([share, 1.0 - share], [], []),
-            net_wrench=np.zeros(6),
-        )
-        check, found = AccelerometerCheck(DT), []
+        observer, check, found = standing(turn, share), AccelerometerCheck(DT), []
+        inertial = observer.inertial
         for tick in range(-120, 20):
             shown = -4.0 if 0 <= tick < 10 else 0.0
             speed = inertial.correction.legs[1] + DT * (legs if tick >= 0 else 0.0)
             inertial.correction = Correction(legs=(0.0, speed, 0.0))
             observer.net_wrench[1] = 50.0 * ground
             measured = at_rest(ROBOT, 0.0, specific_force=turn.T @ [0.0, shown, GRAVITY])
-            used = check.check(measured, observer)  # type: ignore[arg-type]
+            used = check.check(measured, observer)
             found.append(check.left_out)
             expected = turn.T @ [0.0, 0.0 if check.left_out else shown, GRAVITY]
             np.testing.assert_allclose(used.specific_force, expected, atol=1e-12)
@@ -206,14 +208,8 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
 @pytest.mark.parametrize("late", [0, 1])
 def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(late: int, lost: int) -> None:
     """A push of 40 m/s² on the pelvis of a robot that stands: of all its speed nothing may be lost."""
-    inertial = SimpleNamespace(rotation=np.eye(3), correction=Correction(legs=(0.0, 0.0, 0.0)))
-    observer = SimpleNamespace(
-        inertial=inertial,
-        robot=SimpleNamespace(mass=50.0),
-        rest=FeetAtRest([0.5, 0.5], [], []),
-        net_wrench=np.zeros(6),
-    )
-    check = AccelerometerCheck(DT)
+    observer, check = standing(np.eye(3)), AccelerometerCheck(DT)
+    inertial = observer.inertial
     for tick in range(-120, 16):
         if tick >= late:
             speed = inertial.correction.legs[0] + (1 + lost) * DT * 40.0

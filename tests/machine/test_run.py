@@ -24,7 +24,6 @@ from simulated_machine import (
     make,
 )
 
-import wbc
 from wbc import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.machine.commands import Parking
@@ -191,27 +190,6 @@ def test_a_robot_that_falls_in_a_run_is_damped(own: bool) -> None:
     report = runner.run(until)
     assert report.reason.startswith(("the robot has fallen: ", "the controller has stopped")), report.reason
     assert report.phases[-2][0] is Phase.RUN and heights[0] > 0.15
-
-
-@pytest.mark.slow
-def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and_hangs_when_lifted() -> None:
-    machine = SimulatedMachine(SimulatedTime(), bent())
-    runner, read = (
-        make(machine, wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))),
-        machine.read,
-    )
-
-    def lifted(timeout: float) -> Measurement | None:
-        """From 1.6 s on the soles feel nothing."""
-        measurement = read(timeout)
-        late = measurement is not None and machine.clock.time > 101.6
-        return replace(measurement, sole_wrench=np.zeros((2, 6))) if late else measurement
-
-    machine.read = lifted  # type: ignore[method-assign]
-    sent = commands_by_phase(machine, runner)
-    phases = [phase.name for phase, _ in runner.run(2.0).phases]
-    assert phases == ["START", "HANG", "STAND", "RUN", "HANG", "STOP", "DAMPED"]
-    assert all((command.kp == DESCRIPTION.kp).all() for command in sent[Phase.STAND])
 
 
 # ---- start and guard ------------------------------------------------------------------------------------------------
