@@ -16,8 +16,7 @@ from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.trial import TrialTick
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.arm import ArmSettings
-from wbc.walking.hands.way import Route
+from wbc.walking.hands.arm import ArmSettings, Route
 from wbc.walking.plans.swing import FootMotion
 
 DT = 0.005

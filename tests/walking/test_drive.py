@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pendulum import BY_TIME
 from properties import by_default, each_once
@@ -30,7 +30,6 @@ from wbc.walking import (
     climb_stairs,
     walk_distance,
     walk_path,
-    walk_velocity,
 )
 from wbc.walking.assembly import planned_walk
 from wbc.walking.contact import GaitPhase
@@ -416,41 +415,6 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
     stage.follow(Own(plan))
     stage.run(4.0)
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
-
-
-def goes(now: Standing) -> FootstepPlan:
-    return walk_velocity(now.start, (0.1, 0.0, 0.0), 2, first=now.first)
-
-
-@given(
-    st.sampled_from(["stand", "velocity", "goal", "own"]),
-    st.floats(0.0, 4.0),
-    st.sampled_from(["stop", "velocity", "goal", "own"]),  # `WalkingControl` takes a plan once
-)
-@example("stand", 1.0, "own")
-@settings(max_examples=5, deadline=None)
-def test_an_order_that_is_given_in_every_tick_is_the_one_that_is_given_once(
-    before: str, when: float, order: str
-) -> None:
-    """Whatever a robot does meanwhile: stand, shift its weight, swing a foot, come to rest."""
-    ways = []
-    for times in (1, 60):
-        stage, own = Stage(), Own(goes)
-        orders = {
-            "stand": lambda stage: stage.steer(None),
-            "stop": lambda stage: stage.steer(None),
-            "velocity": lambda stage: stage.steer((0.2, 0.05, 0.1)),
-            "goal": lambda stage: stage.go_to(1.0, 0.2, 0.3),
-            "own": lambda stage, own=own: stage.follow(own),
-        }
-        orders[before](stage)
-        stage.run(when)
-        for _ in range(times):
-            orders[order](stage)
-            stage.run(DT)
-        stage.run(1.5 - DT * times)
-        ways.append([reference.pendulum.com for reference in stage.references])
-    np.testing.assert_array_equal(*ways)
 
 
 @given(

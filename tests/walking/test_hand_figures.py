@@ -301,7 +301,13 @@ def test_a_hand_that_presses_already_is_no_stronger_where_a_point_is_given() -> 
             hands.press("left_hand", 5000.0, AHEAD, at=at, firm=True)
 
 
-def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it() -> None:
+@pytest.mark.parametrize("scale", [None, 0.25])
+def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it(
+    scale: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A light robot takes a smaller force for a touch."""
+    if scale is not None:
+        monkeypatch.setattr(Robot, "force_scale", scale)
     _, hands = standing(touch=4.0, ramp=0.1)
     hand, touch = hands.all["left_hand"], 4.0 * hands._robot.force_scale
     hands.press("left_hand", 20.0, AHEAD, firm=True)
@@ -352,16 +358,6 @@ def test_the_wrench_on_hands_is_low_passed_at_the_origin_of_the_world(state: Han
     np.testing.assert_allclose(outside, share * expected, atol=1e-9)
     slow = 1.0 - np.exp(-12 * 0.005 / 1.0) if state is HandState.GRIP else 0.0
     np.testing.assert_allclose(hands._slow, slow * expected, atol=1e-9)
-
-
-def test_a_light_robot_takes_a_smaller_force_for_a_touch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Robot, "force_scale", 0.25)
-    _, hands = standing(touch=4.0)
-    hand = hands.all["left_hand"]
-    hands.press("left_hand", 20.0, AHEAD, firm=True)
-    for force, state in ((0.9, "approach"), (0.9, "approach"), (1.1, "approach"), (1.1, "hold")):
-        feel(hand, -force * hand.direction)
-        assert hand.state.value == state
 
 
 def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight() -> None:

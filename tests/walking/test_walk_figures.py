@@ -24,7 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
 from wbc.walking.contact import Event, GaitPhase, touch_down
-from wbc.walking.hands.way import Route
+from wbc.walking.hands.arm import Route
 from wbc.walking.lipm.schedule import HeightProfile, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait

@@ -36,10 +36,9 @@ from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
-from wbc.walking.hands.arm import Arm
+from wbc.walking.hands.arm import Arm, Route
 from wbc.walking.hands.force import PressForce, WristSensor
 from wbc.walking.hands.frames import FEET, WORLD
-from wbc.walking.hands.way import Route
 from wbc.walking.plans.swing import REST
 
 GAP, CLEARANCE = 0.01, 0.05
