@@ -195,25 +195,6 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
 
-def test_the_phalanges_are_drawn_as_large_as_they_are() -> None:
-    """Boxes fill the sole, 1 mm apart; the plate of a rigid foot is its rectangle, on the ground."""
-    for name in ("soft", "six phalanges", "rigid"):
-        stand = Stand(DESIGNS[name], "nothing", drop=0.0)
-        model, data, fit = stand.model, stand.data, stand.foot.fit
-        boxes = [i for i in range(model.ngeom) if model.geom_type[i] == mujoco.mjtGeom.mjGEOM_BOX]
-        count = max(1, len(stand.foot.sole_joints))
-        gap = 0.0 if name == "rigid" else 0.001
-        pitch = fit.sole.length / count
-        full = 2.0 * model.geom_size[boxes]
-        np.testing.assert_allclose(
-            full, len(boxes) * [[pitch - gap, fit.sole.width - gap, 0.014]], atol=1e-12
-        )
-        centre = data.body(stand.foot.body).xpos
-        x = np.sort(data.geom_xpos[boxes][:, 0]) - centre[0]
-        np.testing.assert_allclose(x, pitch * (np.arange(count) + 0.5) - fit.sole.length / 2.0, atol=1e-9)
-        np.testing.assert_allclose(data.geom_xpos[boxes][:, 1:], len(boxes) * [[0.0, 0.007]], atol=1e-9)
-
-
 @pytest.mark.parametrize("name", ["soft", "six phalanges"])
 def test_arches_join_the_ankle_the_heel_and_the_phalanx_that_they_hold(name: str) -> None:
     """Ends of the bars that are drawn, and the gap of the loop after the arch has turned: 2 r sin(angle / 2)."""

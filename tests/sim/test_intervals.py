@@ -147,40 +147,9 @@ def test_texts_of_estimates_say_the_figures() -> None:
     assert rate_text(10, 5.0) == "2 [0.959, 3.68]" and rate_text(0, 0.5) == "≤ 5.99"
 
 
-@given(st.integers(1, 40), st.integers(0, 40))
-@examples(20)
-def test_ends_of_the_interval_of_a_share_leave_as_much_chance_beyond(trials: int, part: int) -> None:
-    """At an end what was seen, or more extreme, has a chance of 2.5 %, of 5 % where the interval has one end."""
-    successes = min(part, trials)
-    low, high = share_interval(successes, trials)
-    one_sided = successes in (0, trials)
-    rest = 0.05 if one_sided else 0.025
-    if successes > 0:
-        assert stats.binom.sf(successes - 1, trials, low) == pytest.approx(rest, rel=1e-3)
-    if successes < trials:
-        assert stats.binom.cdf(successes, trials, high) == pytest.approx(rest, rel=1e-3)
-    assert (low == 0.0) == (successes == 0) and (high == 1.0) == (successes == trials)
-
-
 @given(st.integers(1, 50), st.floats(0.1, 100.0))
 @examples(20)
 def test_ends_of_the_interval_of_a_rate_leave_as_much_chance_beyond(events: int, time: float) -> None:
     low, high = rate_interval(events, time)
     assert stats.poisson.sf(events - 1, low * time) == pytest.approx(0.025, rel=1e-6)
     assert stats.poisson.cdf(events, high * time) == pytest.approx(0.025, rel=1e-6)
-
-
-@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8))
-@examples(30)
-def test_corrected_p_values_are_those_of_holms_procedure(values: list[float]) -> None:
-    """Step down: at each level the k-th smallest is refused as long as all before it are, at level / (m − k + 1)."""
-    found = holm([*values, None])
-    assert found[-1] is None
-    for level in (0.01, 0.05, 0.2, 0.5):
-        refused, order = set(), np.argsort(values, kind="stable")
-        for k, i in enumerate(order):
-            if values[i] > level / (len(values) - k):
-                break
-            refused.add(int(i))
-        assert {i for i, p in enumerate(found[:-1]) if p is not None and p <= level * (1 + 1e-12)} >= refused
-        assert {i for i, p in enumerate(found[:-1]) if p is not None and p < level * (1 - 1e-9)} <= refused

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 from concurrent.futures import CancelledError, Executor, Future
 from pathlib import Path
 from typing import Any
@@ -218,13 +217,3 @@ def test_the_rate_of_a_sweep_is_that_of_its_own_trials() -> None:
         "seconds": 3600.0,
         "per_hour": 1.0,
     }
-
-
-def test_variables_of_the_environment_are_set_for_a_block_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    monkeypatch.delenv("WBC_MADE_UP", raising=False)
-    with pytest.raises(ZeroDivisionError), module._environment({"OMP_NUM_THREADS": "1", "WBC_MADE_UP": "x"}):
-        assert os.environ["OMP_NUM_THREADS"] == "1" and os.environ["WBC_MADE_UP"] == "x"
-        raise ZeroDivisionError
-    assert os.environ["OMP_NUM_THREADS"] == "7" and "WBC_MADE_UP" not in os.environ
-    assert set(module.ONE_THREAD.values()) == {"1"}

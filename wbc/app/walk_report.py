@@ -74,9 +74,10 @@ def _end(result: WalkResult, steps: str) -> str:
             f"{math.degrees(fall.sole_pitch):.1f}° pitch"
         )
     end = f"  {ENDS[result.outcome]:<9} {steps} in {after}"
-    if result.outcome != "strayed":
+    if result.outcome not in ("completed", "strayed") or result.goal_error is None:
         return end
-    return f"{end}, {result.goal_error:.2f} m from the goal, up to {result.track_error:.2f} m off the track"
+    end += f", {result.goal_error:.2f} m from the goal"
+    return end if result.outcome == "completed" else f"{end}, up to {result.track_error:.2f} m off the track"
 
 
 def _balance_lines(result: WalkResult, spec: WalkSpec) -> list[str]:
