@@ -46,13 +46,13 @@ class Estimate:
     high: float | None  # upper end of the interval
     layouts: int  # number of layouts that the values come from
 
-    def text(self) -> str:
+    def text(self, digits: int = 3) -> str:
         """Return a text such as "20.4 [18.2, 21.7]"; too few layouts give no interval."""
         if self.mean is None:
             return "–"
         if self.low is None or self.high is None or self.layouts < FEW:
-            return f"{self.mean:.3g}"
-        return f"{self.mean:.3g} [{self.low:.3g}, {self.high:.3g}]"
+            return f"{self.mean:.{digits}g}"
+        return f"{self.mean:.{digits}g} [{self.low:.{digits}g}, {self.high:.{digits}g}]"
 
 
 @checked
