@@ -247,7 +247,6 @@ class EngineLoop(Simulation):
         self.advance(self._torque.copy(), self._forces)
 
     def _record(self, left: int) -> None:
-        del left
         if not self._look():
             return
         position, force, sole = self.contacts()

@@ -189,8 +189,21 @@ def equip(
     With `hands` wrists have force sensors, with `shapes` all links touch things.
     """
     _add_servos(spec, description)
-    feet = _add_feet(spec, robot, foot)
-    _add_imu(spec, robot)
+    soles = ankle_soles(robot)
+    if len(soles) > len(SIDES):
+        raise ModelError(f"the plant has feet for {len(SIDES)} soles, '{robot.name}' has {len(soles)}")
+    feet = tuple(
+        foot.build(spec, spec.body(sole.ankle_link), side, sole)
+        for side, sole in zip(SIDES[: len(soles)], soles, strict=True)
+    )
+    link, place = carrier(robot.model, robot.imu_frame)
+    spec.body(link).add_site(name="imu_site", size=[0.005] * 3, **placed(place))
+    kinds = {
+        "gyroscope": mujoco.mjtSensor.mjSENS_GYRO,
+        "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+    }
+    for name, kind in kinds.items():
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu_site")
     _add_flaws(spec, description, robot, machine)
     if hands:
         add_hand_sensors(spec, robot)
@@ -281,26 +294,6 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
         least, most = robot.torque_ranges.get(name, (-limit, limit))
         joint.actfrclimited, actuator.forcelimited = True, True
         joint.actfrcrange, actuator.forcerange = [least, most], [least, most]
-
-
-def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts, ...]:
-    soles = ankle_soles(robot)
-    if len(soles) > len(SIDES):
-        raise ModelError(f"the plant has feet for {len(SIDES)} soles, '{robot.name}' has {len(soles)}")
-    return tuple(
-        foot.build(spec, spec.body(sole.ankle_link), side, sole)
-        for side, sole in zip(SIDES[: len(soles)], soles, strict=True)
-    )
-
-
-def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
-    link, place = carrier(robot.model, robot.imu_frame)
-    spec.body(link).add_site(name="imu_site", size=[0.005] * 3, **placed(place))
-    for name, kind in (
-        ("gyroscope", mujoco.mjtSensor.mjSENS_GYRO),
-        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-    ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu_site")
 
 
 def _thin_flat_soles(model: mujoco.MjModel) -> None:

@@ -155,14 +155,13 @@ class Terrain:
         return (self.start - self.strip, self.stop + self.strip, -half, half)
 
     def site(self) -> Site:
-        """Return the rough part, with the beginning of its random numbers."""
-        return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, self._layout_key))
+        """Return the rough part, with the beginning of its random numbers.
 
-    @property
-    def _layout_key(self) -> str:
-        """Text of everything that has a layout of its own: family, amplitude in whole nm, parameters."""
+        They depend on all that has a layout of its own: family, amplitude in whole nm, parameters.
+        """
         values = {f.name: _as_text(getattr(self.parameters, f.name)) for f in fields(self.parameters)}
-        return json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
+        key = json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
+        return Site(self.start, self.stop, self.width, self.amplitude, Draws(self.seed, key))
 
     def _check_size(self) -> None:
         """Check that the ground has a number of features that can be built."""

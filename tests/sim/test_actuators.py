@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from foreign import KINDS, foreign_model
+from properties import each_once
 
 import wbc
 from wbc import Command
@@ -15,8 +16,7 @@ DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("given", ["gains", "torque"])
+@pytest.mark.parametrize(("kind", "given"), each_once(KINDS, ("gains", "torque")))
 def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given: str) -> None:
     """τ + kp (q_ref − q) + kd (q̇_ref − q̇) of the state after the step, as far as the last one foretells it."""
     model = foreign_model(DESCRIPTION, kind, integrator="euler", gear=3.0)

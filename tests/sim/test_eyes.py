@@ -198,7 +198,7 @@ def test_the_errors_of_both_toes_are_independent() -> None:
     sensor = RangeSensor(noise=0.005)
     plant = plant_of(ROBOT, foot="variable", range_sensor=sensor)
     readings = []
-    for _ in range(200):
+    for _ in range(100):
         plant.step(plant.hold())
         readings.append(plant.measure().sole_range)
     left, right = (np.diff(each) for each in np.array(readings).T)

@@ -62,13 +62,13 @@ def test_shapes_of_robots_touch_things_and_each_other_and_not_their_own() -> Non
 
 def test_points_of_a_robots_world_are_turned_and_moved_to_its_place() -> None:
     heading = -2.0
-    plant = SharedPlant({"one": G1}, places={"one": (1.0, -2.0, heading)})
+    plant = SharedPlant({"one": HRP4}, places={"one": (1.0, -2.0, heading)})
     c, s = np.cos(heading), np.sin(heading)
     np.testing.assert_allclose(
         plant.in_world("one", [0.3, 0.1, 0.7]), [1 + 0.3 * c - 0.1 * s, -2 + 0.3 * s + 0.1 * c, 0.7]
     )
     middle = 0.5 * (plant.loops["one"].sole_pose(0)[0] + plant.loops["one"].sole_pose(1)[0])
-    own = G1.robot()
+    own = HRP4.robot()
     own.update(own.half_sitting, np.zeros(own.nv))
     there = 0.5 * sum(own.placement(sole.frame).translation for sole in own.soles)
     np.testing.assert_allclose(middle, plant.in_world("one", there), atol=1e-6)
@@ -90,7 +90,7 @@ def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> N
 
 
 def test_robots_begin_again_where_they_began() -> None:
-    plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}, noise="realistic")
+    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, noise="realistic")
     first = plant.data.qpos.copy()
     run(plant, 0.03)
     after = plant.data.qpos.copy()

@@ -299,6 +299,8 @@ def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
         )
         plant, control, command = stand.plant, stand.control, stand.control.command
         start, end, every = (0.8, 1.6, None) if lasting else (0.4, 0.7 + 0.1 * len(names), 0.1)
+        if names[0] in CHANGES:
+            start, end = 0.5, 1.2
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
         spec = WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan)

@@ -88,7 +88,6 @@ class Family(ABC):
 
     def feature_at(self, amplitude: float) -> float:
         """Return the smallest feature at this amplitude, m; in some families it grows with the amplitude."""
-        del amplitude
         return self.smallest_feature
 
     def rise_at(self, amplitude: float) -> float:
@@ -115,7 +114,6 @@ class Family(ABC):
 
     def facts(self, site: Site) -> dict[str, Any]:
         """Return further facts about a ground as JSON values, with the unit in the name."""
-        del site
         return {}
 
     @abstractmethod
@@ -143,17 +141,14 @@ class ShapeFamily(Family):
 
     def floor(self, site: Site) -> float:
         """Return the level of the endless floor, m; the start strip is at 0."""
-        del site
         return 0.0
 
     def stop(self, site: Site) -> float:
         """Return the level of the stop strip, m."""
-        del site
         return 0.0
 
     def ground(self, site: Site, strip: float, ramp: float, sole_radius: float) -> Ground:
         """See `Family`; an `InputError` for solids that are not where and as high as they should be."""
-        del sole_radius
         shapes, floor, stop = tuple(self.shapes(site)), self.floor(site), self.stop(site)
         built, whole = max((float(s.peak[2]) for s in shapes), default=floor) - floor, Ground(floor, shapes)
         if abs(built - site.amplitude) > AMPLITUDE_TOLERANCE:

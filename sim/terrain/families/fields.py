@@ -46,7 +46,6 @@ class Random(FieldFamily):
         return {"cutoff_cycles_per_m": frequency, "cutoff_wavelength_m": 1.0 / frequency}
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
-        del y
         count = cells(site.length, self.spacing) + 1
         z = low_pass(site.draws.uniform(-1.0, 1.0, count), self.cutoff)
         return np.interp(x, np.linspace(site.x0, site.x1, count), z)
@@ -86,7 +85,6 @@ class Iso8608(FieldFamily):
         return 0.5 / self.high
 
     def check_track(self, length: float, width: float) -> None:
-        del width
         if self.high * length < 1.0:
             raise InputError(
                 f"iso8608: high ({self.high:g} 1/m) leaves no whole wave on a track of {length:g} m"
@@ -122,6 +120,5 @@ class MetalSheets(FieldFamily):
     default_amplitude = 0.02
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
-        del y
         phase = float(site.draws.uniform(0.0, math.tau, 1)[0])
         return np.sin(math.tau * (x - site.x0) / self.period + phase)

@@ -142,7 +142,6 @@ class Image(FieldFamily):
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float]:
         """Put the darkest point at the level of the strips: no other change is made to the user's heights."""
-        del site, x
         return raw - raw.min(), 0.0
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:

@@ -29,7 +29,6 @@ class Flat(ShapeFamily):
     unidirectional = True
 
     def shapes(self, site: Site) -> Iterator[Shape]:
-        del site
         return iter(())
 
 
@@ -107,14 +106,12 @@ class Slope(_Climb):
     default_amplitude = 0.1
 
     def rise_at(self, amplitude: float) -> float:
-        del amplitude
         return 0.0  # a foot that goes along with the ramp meets nothing
 
     def _run(self, length: float) -> float:
         return (length - self.landing) / 2.0 if self.direction == "up_down" else length
 
     def check_track(self, length: float, width: float) -> None:
-        del width
         if self._run(length) <= 0.0:
             raise InputError(
                 f"slope: a landing of {self.landing:g} m leaves no ramp on a track of {length:g} m"
