@@ -30,9 +30,6 @@ REST_SPEED = 0.1
 """Horizontal speed of the centre of mass below which a robot is at rest, m/s: above the sway of a standing robot with
 noisy sensors, below the speed of a fall once it has begun."""
 
-LEAST_TICKS = 2
-"""Shortest stand, control periods: the result is about its second half."""
-
 
 @settings(kw_only=True, eq=False)
 class StandSpec(TrialSpec):
@@ -60,9 +57,9 @@ class StandSpec(TrialSpec):
                 "a robot that may step stands in torque or hybrid control, got mode 'position' with steps 'allowed'"
             )
         super().__post_init__()
-        if self.seconds < LEAST_TICKS * self.period:
+        if self.seconds < 2.0 * self.period:  # the result is about the second half
             raise InputError(
-                f"seconds (s) must be at least {LEAST_TICKS} control periods of {self.period:g} s, got {self.seconds:g}"
+                f"seconds (s) must be at least 2 control periods of {self.period:g} s, got {self.seconds:g}"
             )
 
     def _usual_mode(self) -> Mode | None:

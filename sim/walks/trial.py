@@ -101,12 +101,9 @@ class WalkTrial(Trial[Any, WalkResult]):
 
     @checked
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = True) -> None:
-        """Build plant and controller.
+        """Build plant and controller, with a stiffness policy of variable soles in place of the spec's unless None.
 
-        Args:
-            spec: The walk.
-            policy: Stiffness policy of variable soles in place of the spec's.
-            visuals: Keep the shapes by which views and films draw the robot; they do not change the walk.
+        `visuals` are the shapes by which views and films draw the robot; they do not change the walk.
         """
         self._made = time.perf_counter()
         self.spec = spec
