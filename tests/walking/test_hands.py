@@ -261,6 +261,10 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
     hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
     assert hand.state is HandState.LOST, "an order that comes in every tick is not tried again"
     hands.release("left_hand")
+    begin = hand.arm.target
+    assert (
+        begin is not None and np.linalg.norm(begin.translation - hand.arm.seen(FEET, here).translation) < 0.3
+    )
     with pytest.raises(InputError, match="within"):  # now it is, and the robot stands elsewhere
         hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
 

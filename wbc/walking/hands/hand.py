@@ -181,7 +181,7 @@ class Hand:
         self._at: Array | None = None  # place of the order, m
         self._to: Array | None = None  # the same of its way, which has the direction `_came`
         # Places back to where it came from, as seen from the feet, and times from each to the next, s.
-        self._back: tuple[list[pin.SE3], list[float]] | None = None
+        self._back: tuple[list[pin.SE3], list[float]] = [], []
         self._begin(HandState.FREE)
 
     def _begin(self, state: HandState) -> None:
@@ -259,7 +259,7 @@ class Hand:
         self._begin(HandState.REACH)
         self.direction, self._came, self.ordered, self._then = direction, direction, force, then
         self._at = self._to = at
-        self._back = None
+        self._back = [], []
         if at is None:
             self._search(pin.SE3(self.arm.place))
         else:
@@ -407,6 +407,7 @@ class Hand:
 
     def _lose(self) -> None:
         """Stop where the hand is, as seen from the feet."""
+        self._turn_back()
         self.arm.stop(FEET)
         self._enter(HandState.LOST)
         self.force.extra = 0.0
@@ -414,16 +415,19 @@ class Hand:
 
     def _free(self) -> None:
         """Let the arm go back to its posture: by the way it came to a surface, so that it does not go through it."""
-        route, arm = None, self.arm
-        if self._then is HandState.HOLD and self._back is not None:
-            (places, times), passed = self._back, 0
-            if self.state is HandState.REACH:
-                passed = max(1, arm.stops)
-            else:
-                times[0] = (
-                    LEAVING[0] + math.dist(places[0].translation, arm.seen(FEET).translation) / LEAVING[1]
-                )
-            route = Route(places[passed:], FEET, TURN, times[passed:])
-        self._back = None
+        self._turn_back()
+        route, arm, (places, times) = None, self.arm, self._back
+        if self._then is HandState.HOLD and places:
+            if self.state is not HandState.REACH:
+                way = places[0].translation - arm.seen(FEET).translation
+                times[0] = LEAVING[0] + float(np.linalg.norm(way)) / LEAVING[1]
+            route = Route(places, FEET, TURN, times)
+        self._back = [], []
         self._begin(HandState.FREE)
         arm.leave(route)
+
+    def _turn_back(self) -> None:
+        """Leave out of the way back what a hand that is still on its way has not reached."""
+        if self.state is HandState.REACH:
+            first = max(1, self.arm.stops)
+            self._back = self._back[0][first:], self._back[1][first:]
