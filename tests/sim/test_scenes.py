@@ -43,8 +43,8 @@ def test_a_robot_stands_clear_of_every_scene(robot: str, kinds: tuple[str, ...])
             assert np.abs(plant.data.qpos[address : address + 3] - start[address : address + 3]).max() < 2e-3
 
 
-@pytest.mark.parametrize("angle", [0.0, 90.0])
-def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance(angle: float) -> None:
+def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance() -> None:
+    angle = 90.0
     model, data = built("wall", distance=0.6, angle=angle, width=1.2, height=0.9)
     place = pin.utils.rotate("z", np.radians(angle)).T @ data.geom_xpos[0]  # as seen by who looks at it
     near, far = place - model.geom_size[0], place + model.geom_size[0]

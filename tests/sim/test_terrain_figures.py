@@ -359,9 +359,6 @@ def test_normals_lean_against_the_slope(slope_x: float, slope_y: float) -> None:
         np.testing.assert_allclose(normal, np.array([*flat, 1.0]) / math.hypot(lean, 1.0), atol=1e-5)
 
 
-# --- input ------------------------------------------------------------------------------------------------------------
-
-
 def test_ground_higher_than_the_foot_is_lifted_warns() -> None:
     high = terrain("stones", 0.05)
     with pytest.warns(UserWarning, match="clearance"):
@@ -377,9 +374,8 @@ def test_ground_higher_than_the_foot_is_lifted_warns() -> None:
 
 
 def _picture(path: Path, mode: str, array: np.ndarray) -> Path:
-    Picture.fromarray(array).convert(mode).save(path) if mode != "I;16" else Picture.fromarray(array).save(
-        path
-    )
+    picture = Picture.fromarray(array)
+    (picture if mode == "I;16" else picture.convert(mode)).save(path)
     return path
 
 
