@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from wbc.base.errors import InputError, names_in, shown_path
+from wbc.base.errors import InputError, shown_path
 from wbc.base.files import decoding, first_tag, home_path, read_text, read_toml, write_text
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
@@ -47,9 +47,6 @@ def read(path: str | Path) -> RobotDescription:
         source = values.pop("file", None)
         if not isinstance(source, str):
             raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
-        for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
-            if not name.isprintable():
-                raise InputError(f"{shown_path(path)} names {shown_path(name)}")
         values.setdefault("name", place.stem)
         place = place.parent / home_path(source)
     state = place.stat() if os.path.isfile(place) else None

@@ -56,11 +56,7 @@ def compiled(source: object, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset
             raise
         said = one_line(error)
         defects = "" if spec is None or not meshes else _defects(spec)
-        if re.search("(no|not find) decoder", said):
-            said += (
-                "; files must end as MuJoCo knows them: attached models in .xml, meshes in .obj, .stl or .msh"
-            )
-        elif defects or (meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE)):
+        if defects or (meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE)):
             said += f"{defects}; a file whose meshes are elsewhere is read without them: --without-meshes, meshes=False"
         raise ModelError(f"{where}: {said}") from error
 
