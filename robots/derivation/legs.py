@@ -47,75 +47,62 @@ def place_of(model: pin.Model, joint: int) -> int:
     return int(model.joints[joint].idx_v - model.nv + len(driven_joints(model)))
 
 
-class LegSearch:
-    """Search of a posture with flat soles side by side, bent knees, and the centre of mass over their middle.
+def bent_legs(model: pin.Model, soles: tuple[Sole, ...], start: Array, free: list[int]) -> Array:
+    """Return the positions of all joints with a coordinate, rad or m, or raise a `ModelError`.
+
+    Soles are flat, side by side, knees bent, and the centre of mass is over the middle of the soles. The search begins
+    at a configuration, shape (nq,), and moves some joints, by their places among those with a coordinate. The feet are
+    as far apart as there. Where no such posture is found, the search goes on with feet under the hips, and as near as
+    they may be, and from other positions of the legs: at zero they may be spread.
 
     The residual vanishes for legs of six joints. Legs without an ankle roll cannot shift the centre of mass sideways on
     flat soles: it stays where it is.
     """
+    q, data, moved = np.array(start), model.createData(), 7 + np.array(free)
+    legs, ids = [joints_to(model, sole.frame) for sole in soles], [model.getFrameId(s.frame) for s in soles]
+    knees = [_knee(model, data, leg, frame) for leg, frame in zip(legs, ids, strict=True)]
+    bends = [(7 + place_of(model, joint), sign) for joint, sign in knees]
+    sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
 
-    def __init__(self, model: pin.Model, soles: tuple[Sole, ...], start: Array, free: list[int]) -> None:
-        """Search from a configuration, shape (nq,), by some joints, by their places among those with a coordinate."""
-        legs = [joints_to(model, sole.frame) for sole in soles]
-        self._model, self._data, self._soles, self._q = model, model.createData(), soles, np.array(start)
-        self._frames = [model.getFrameId(sole.frame) for sole in soles]
-        lower, upper = joint_limits(model)
-        self._free, self._bounds = 7 + np.array(free), (lower[free], upper[free])
-        knees = [_knee(model, self._data, leg, at) for leg, at in zip(legs, self._frames, strict=True)]
-        self._knees = [(7 + place_of(model, joint), sign) for joint, sign in knees]
-        self._sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
-        self._hips = [leg[0] for leg in legs]
-
-    def solve(self) -> Array:
-        """Return the positions of all joints with a coordinate, rad or m, or raise a `ModelError`.
-
-        The feet are as far apart as at the start. Where no such posture is found, the search goes on with feet under
-        the hips, and as near as they may be, and from other positions of the legs: at zero they may be spread.
-        """
-        low, high = self._bounds
-        first = self._q[self._free]
-        with np.errstate(invalid="ignore"):  # of joints that turn without end
-            middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
-        exact = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
-        for width, x0 in itertools.product(self._widths(), (first, middle)):
-            solution = least_squares(self._residual, x0, bounds=(low, high), args=(width,), **exact)
-            error = self._residual(solution.x, width)[:11]  # without the bend of the knees
-            if float(np.abs(error).max()) <= SOLVED:
-                return np.array(self._q[7:])
-        raise ModelError(
-            "no half-sitting within the joint limits was found, soles flat, level and side by side under the centre of "
-            "mass; pass half_sitting with the leg joints, or correct their limits: they turn by "
-            f"{float((high - low).max()):.3g} rad at most, and an MJCF in radians must say "
-            '<compiler angle="radian"/>'
-        )
-
-    def _widths(self) -> list[float]:
-        """Return distances between the soles to try, m."""
-        pin.framesForwardKinematics(self._model, self._data, self._q)
-        (left, right), (hip, other) = (
-            [at[number].translation[1] for number in numbers]
-            for at, numbers in ((self._data.oMf, self._frames), (self._data.oMi, self._hips))
-        )
-        narrowest = NEXT + max(sole.width for sole in self._soles)
-        return list(dict.fromkeys(max(narrowest, float(each)) for each in (left - right, hip - other, 0.0)))
-
-    def _residual(self, x: Array, width: float) -> Array:
+    def residual(x: Array, width: float) -> Array:
         """Return turns of the soles, the place of the centre of mass, that of the soles, and the bend of the knees."""
-        q, data = self._q, self._data
-        q[self._free] = x
-        com = pin.centerOfMass(self._model, data, q)
-        pin.updateFramePlacements(self._model, data)
-        left, right = (data.oMf[frame] for frame in self._frames)
+        q[moved] = x
+        com = pin.centerOfMass(model, data, q)
+        pin.updateFramePlacements(model, data)
+        left, right = (data.oMf[frame] for frame in ids)
         middle = 0.5 * (left.translation + right.translation)
         return np.concatenate(
             [
                 pin.log3(left.rotation),
                 pin.log3(right.rotation),
-                (com[:2] - middle[:2]) * [1.0, self._sideways],
+                (com[:2] - middle[:2]) * [1.0, sideways],
                 left.translation - right.translation - [0.0, width, 0.0],
-                [0.5 * sum(sign * q[i] for i, sign in self._knees) - KNEE_BEND],
+                [0.5 * sum(sign * q[i] for i, sign in bends) - KNEE_BEND],
             ]
         )
+
+    pin.framesForwardKinematics(model, data, q)
+    apart, hips = (
+        at[one].translation[1] - at[two].translation[1]
+        for at, (one, two) in ((data.oMf, ids), (data.oMi, [leg[0] for leg in legs]))
+    )
+    narrowest = NEXT + max(sole.width for sole in soles)
+    widths = dict.fromkeys(max(narrowest, float(each)) for each in (apart, hips, 0.0))
+    lower, upper = joint_limits(model)
+    low, high, first = lower[free], upper[free], q[moved]
+    with np.errstate(invalid="ignore"):  # of joints that turn without end
+        middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
+    exact = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 200}
+    for width, x0 in itertools.product(widths, (first, middle)):
+        solution = least_squares(residual, x0, bounds=(low, high), args=(width,), **exact)
+        if np.abs(residual(solution.x, width)[:11]).max() <= SOLVED:  # without the bend of the knees
+            return np.array(q[7:])
+    raise ModelError(
+        "no half-sitting within the joint limits was found, soles flat, level and side by side under the centre of "
+        "mass; pass half_sitting with the leg joints, or correct their limits: they turn by "
+        f"{float((high - low).max()):.3g} rad at most, and an MJCF in radians must say "
+        '<compiler angle="radian"/>'
+    )
 
 
 def heading(model: pin.Model, soles: tuple[Sole, ...], feet_found: bool) -> float:

@@ -12,7 +12,7 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_scalar
 from wbc.core.frames import Sole
 from wbc.core.model import driven_names, joints_to
-from wbc.robots.derivation.legs import LegSearch, joint_limits, knee_bend, place_of
+from wbc.robots.derivation.legs import bent_legs, joint_limits, knee_bend, place_of
 
 INSIDE = 0.05
 """Distance from joint limits at half-sitting, share of the range: a posture on a limit would keep it active."""
@@ -63,7 +63,7 @@ def half_sitting(
         i = names.index(name)
         values[i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
     if free := [i for i in of_legs if names[i] not in given]:
-        values[:] = LegSearch(model, soles, q, sorted(free)).solve()
+        values[:] = bent_legs(model, soles, q, sorted(free))
         solved = [f"{names[i]} {round(math.degrees(values[i]), 2) + 0.0}" for i in free]
         notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
     if rest := [name for i, name in enumerate(names) if name not in given and i not in of_legs]:
