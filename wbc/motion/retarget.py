@@ -155,7 +155,7 @@ def retarget(
     soles = _soles(robot, parts, lift)
     com_height = parts["hips"][:, 2] - legs.hips_over_com
     paths, moves, shortened = footsteps(robot, soles, com_height, rate, standing)
-    q, errors = _Follower(robot, legs).follow(parts, paths, moves, standing)
+    q, errors = _follow(robot, legs, parts, paths, moves, standing)
     motion = BodyMotion.of(robot, q, rate)
     return RetargetedMotion(
         clip=MotionClip.of(robot, q, rate, clip.name, standing),
@@ -358,73 +358,67 @@ def centre_of_turning(robot: Robot, trunk: str, number: int, joints: list[int]) 
     return centre, float(distances.mean()), float(abs(distances - distances.mean()).max())
 
 
-class _Follower:
-    """Tasks by which a robot follows a person frame by frame, and their inverse kinematics."""
+def _follow(
+    given: Robot,
+    legs: _Legs,
+    parts: Mapping[str, Array],
+    paths: list[Soles],
+    moves: list[pin.SE3],
+    standing: Array,
+) -> tuple[Array, dict[str, float]]:
+    """Follow a person frame by frame, by inverse kinematics of a copy of the robot.
 
-    def __init__(self, robot: Robot, legs: _Legs) -> None:
-        """Make all tasks for a copy of the robot."""
-        self._ik, self._legs = searching(robot), legs
-        self._robot = robot = self._ik.robot
-        self._ik.update(robot.half_sitting)
-        base, torso = robot.base_frame, robot.torso_frame
-        self._rest = [robot.placement(frame).rotation.copy() for frame in (base, torso)]
-        self._contacts = [SoleContact(sole.name, ramp=0.0) for sole in robot.soles[:2]]
-        self._feet = [
-            PoseTask(sole.frame, weight=SWING, name=f"{sole.name} in the air") for sole in robot.soles[:2]
-        ]
-        self._pelvis = PositionTask(base, weight=PELVIS, name="pelvis")
-        self._tilts = [OrientationTask(base, weight=TILT, name="pelvis rotation")]
-        if torso != base:
-            self._tilts.append(OrientationTask(torso, weight=TRUNK, name="trunk"))
-        self._arms = arms_of(robot)
-        self._elbows = [PositionTask(arm.elbow, weight=ARM, name=f"{arm.side}_elbow") for arm in self._arms]
-        self._hands = [PositionTask(arm.hand, weight=ARM, name=f"{arm.side}_hand") for arm in self._arms]
-        light = {robot.joint_names[joint]: LEGS / JOINTS for joint in robot.leg_joints}
-        self._limits = JointLimits(margin=MARGIN)
-        self._kept = (self._pelvis, *self._tilts, *self._elbows, *self._hands)
-        self._ik.add(*self._contacts, *self._feet, *self._kept)
-        self._ik.add(PostureTask(weight=JOINTS, joint_weights=light), self._limits)
-
-    def follow(
-        self, parts: Mapping[str, Array], paths: list[Soles], moves: list[pin.SE3], standing: Array
-    ) -> tuple[Array, dict[str, float]]:
-        """Return configurations, shape (T, nq), and the root mean square of the error of each target, m or rad."""
-        turns = _turns_of_trunk(parts)
-        directions = {
-            (arm.side, part): _unit(parts[f"{arm.side}_{end}"] - parts[f"{arm.side}_{begin}"])
-            for arm in self._arms
-            for part, begin, end in (("upper", "shoulder", "elbow"), ("lower", "elbow", "wrist"))
-        }
-        q, errors = np.empty((len(paths), self._robot.nq)), np.empty((len(paths), len(self._kept)))
-        now = self._robot.half_sitting.copy()
-        for i, (soles, move) in enumerate(zip(paths, moves, strict=True)):
-            for contact, foot, sole, on in zip(self._contacts, self._feet, soles, standing[i], strict=True):
-                contact.active, contact.target, foot.target = bool(on), sole, sole
-            rotations = [move.rotation @ turn[i] for turn in turns]
-            for task, rotation, own in zip(self._tilts, rotations, self._rest, strict=False):
-                task.target = rotation @ own
-            self._pelvis.target = move.act(parts["hips"][i]) - self._tilts[0].target @ self._legs.hips
-            if i == 0:
-                now[:3], now[3:7] = self._pelvis.target, pin.Quaternion(rotations[0]).coeffs()
-                now[7:] = np.clip(now[7:], self._limits.lower, self._limits.upper)
-            for _ in range(2):  # the shoulders are where the trunk is, which the first search moves
-                self._ik.update(now)
-                self._aim_arms(move.rotation, {key: way[i] for key, way in directions.items()})
-                found = self._ik.reach(SMALL, ITERATIONS if i else FIRST)
-                now = found.configuration
-            q[i] = now
-            errors[i] = [found.errors[task.name][0] for task in self._kept]
-        return q, {
-            task.name: float(np.sqrt(np.mean(np.square(each))))
-            for task, each in zip(self._kept, np.ascontiguousarray(errors.T), strict=True)
-        }
-
-    def _aim_arms(self, rotation: Array, directions: Mapping[tuple[str, str], Array]) -> None:
-        """Let upper arms and forearms point in directions that are turned, from where the shoulders are now."""
-        for arm, elbow, hand in zip(self._arms, self._elbows, self._hands, strict=True):
-            shoulder = self._robot.placement(arm.trunk).act(arm.shoulder)
-            elbow.target = shoulder + arm.upper * rotation @ directions[arm.side, "upper"]
-            hand.target = elbow.target + arm.lower * rotation @ directions[arm.side, "lower"]
+    Returned are configurations, shape (T, nq), and the root mean square of the error of each target, m or rad.
+    """
+    ik = searching(given)
+    robot, base, torso = ik.robot, given.base_frame, given.torso_frame
+    ik.update(robot.half_sitting)
+    rest = [robot.placement(frame).rotation.copy() for frame in (base, torso)]
+    contacts = [SoleContact(sole.name, ramp=0.0) for sole in robot.soles[:2]]
+    feet = [PoseTask(sole.frame, weight=SWING, name=f"{sole.name} in the air") for sole in robot.soles[:2]]
+    pelvis = PositionTask(base, weight=PELVIS, name="pelvis")
+    tilts = [OrientationTask(base, weight=TILT, name="pelvis rotation")]
+    if torso != base:
+        tilts.append(OrientationTask(torso, weight=TRUNK, name="trunk"))
+    arms = arms_of(robot)
+    elbows = [PositionTask(arm.elbow, weight=ARM, name=f"{arm.side}_elbow") for arm in arms]
+    hands = [PositionTask(arm.hand, weight=ARM, name=f"{arm.side}_hand") for arm in arms]
+    light = {robot.joint_names[joint]: LEGS / JOINTS for joint in robot.leg_joints}
+    limits, kept = JointLimits(margin=MARGIN), (pelvis, *tilts, *elbows, *hands)
+    ik.add(*contacts, *feet, *kept)
+    ik.add(PostureTask(weight=JOINTS, joint_weights=light), limits)
+    turns = _turns_of_trunk(parts)
+    directions = {
+        (arm.side, part): _unit(parts[f"{arm.side}_{end}"] - parts[f"{arm.side}_{begin}"])
+        for arm in arms
+        for part, begin, end in (("upper", "shoulder", "elbow"), ("lower", "elbow", "wrist"))
+    }
+    q, errors = np.empty((len(paths), robot.nq)), np.empty((len(paths), len(kept)))
+    now = robot.half_sitting.copy()
+    for i, (soles, move) in enumerate(zip(paths, moves, strict=True)):
+        for contact, foot, sole, on in zip(contacts, feet, soles, standing[i], strict=True):
+            contact.active, contact.target, foot.target = bool(on), sole, sole
+        rotations = [move.rotation @ turn[i] for turn in turns]
+        for task, rotation, own in zip(tilts, rotations, rest, strict=False):
+            task.target = rotation @ own
+        pelvis.target = move.act(parts["hips"][i]) - tilts[0].target @ legs.hips
+        if i == 0:
+            now[:3], now[3:7] = pelvis.target, pin.Quaternion(rotations[0]).coeffs()
+            now[7:] = np.clip(now[7:], limits.lower, limits.upper)
+        for _ in range(2):  # the shoulders are where the trunk is, which the first search moves
+            ik.update(now)
+            for arm, elbow, hand in zip(arms, elbows, hands, strict=True):
+                shoulder = robot.placement(arm.trunk).act(arm.shoulder)
+                elbow.target = shoulder + arm.upper * move.rotation @ directions[arm.side, "upper"][i]
+                hand.target = elbow.target + arm.lower * move.rotation @ directions[arm.side, "lower"][i]
+            found = ik.reach(SMALL, ITERATIONS if i else FIRST)
+            now = found.configuration
+        q[i] = now
+        errors[i] = [found.errors[task.name][0] for task in kept]
+    return q, {
+        task.name: float(np.sqrt(np.mean(np.square(each))))
+        for task, each in zip(kept, np.ascontiguousarray(errors.T), strict=True)
+    }
 
 
 def _turns_of_trunk(parts: Mapping[str, Array]) -> tuple[Array, Array]:
