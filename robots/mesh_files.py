@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Iterable
-from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -53,12 +52,6 @@ def collada_unit(path: Path) -> float:
 
 def mesh_defect(path: Path) -> str:
     """Return why the file of a mesh holds no whole mesh, by its size, begin and end; "" where nothing is wrong."""
-    state = path.stat()
-    return _defect(path, state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(maxsize=4096)
-def _defect(path: Path, _time: int, _size: int) -> str:
     with path.open("rb") as file:
         content = file.read(LARGEST_MESH)
     begin, end, kind = content[:512].lstrip().lower(), content[-512:].lower(), path.suffix.lower()

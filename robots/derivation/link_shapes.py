@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.numbers import Array
 from wbc.core.limits.obstacles import (
     CollisionBox,
     CollisionCapsule,
@@ -81,7 +80,11 @@ def _simple(shape: Geometry, package_dirs: tuple[str, ...]) -> Geometry | None:
     local = (points - centre) @ axes
     low, high = local.min(axis=0), local.max(axis=0)
     middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))
-    corners = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
+    spread = np.arange(CORNERS) + 0.5  # directions that are spread evenly, on a Fibonacci lattice
+    height, turn = 1.0 - 2.0 * spread / CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * spread
+    wide = np.sqrt(1.0 - height**2)
+    directions = np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
+    corners = points[np.unique(np.argmax(points @ directions.T, axis=0))]
     flat = np.linalg.matrix_rank(corners - corners.mean(axis=0), tol=1e-4) < 3
     at = None if flat else corners @ shape.place.rotation.T + shape.place.translation
     size = np.maximum(0.5 * (high - low), SMALLEST)
@@ -100,12 +103,3 @@ def _hull(shape: Geometry) -> Shape:
     end = np.array([0.0, 0.0, size[1]])
     kind = CollisionCapsule if shape.kind == "capsule" else CollisionCylinder
     return kind(size[0], place.act(-end), place.act(end))
-
-
-@lru_cache(maxsize=1)
-def _directions() -> Array:
-    """Return directions that are spread evenly, shape (CORNERS, 3), on a Fibonacci lattice."""
-    place = np.arange(CORNERS) + 0.5
-    height, turn = 1.0 - 2.0 * place / CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * place
-    wide = np.sqrt(1.0 - height**2)
-    return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
