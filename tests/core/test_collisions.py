@@ -187,8 +187,7 @@ def test_no_row_is_left_out_that_could_be_active(way: str, ticks: int) -> None:
             twist, place = obstacle.velocity, obstacle.placement
             turned = pin.exp3(step * twist[3:]) @ place.rotation
             obstacle.placement = pin.SE3(turned, place.translation + step * twist[:3])
-        for place in limit._scene._obstacles:
-            place.follow(limit._scene.geometry)
+        limit._scene.place(limit._data)
         return np.asarray(pin.integrate(robot.model, q, step * v))
 
     q, v = robot.half_sitting.copy(), np.zeros(robot.nv)

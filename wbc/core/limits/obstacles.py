@@ -16,7 +16,6 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
-from wbc.base.vectors import add_cross
 from wbc.core.frames import FixedPose, pose
 
 FARTHEST = 1e6
@@ -192,19 +191,6 @@ class PlacedObstacle:
     local: pin.SE3
     pairs: slice
     seen: pin.SE3 | None = None
-
-    def twist(self) -> Array:
-        """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
-        *linear, a, b, c = self.obstacle._velocity.tolist()
-        return np.array(
-            [*add_cross(linear, self.obstacle._placement.translation.tolist(), (a, b, c)), a, b, c]
-        )
-
-    def follow(self, geometry: pin.GeometryModel) -> None:
-        """Take a new placement of the obstacle over."""
-        if self.obstacle._placement is not self.seen:
-            self.seen = self.obstacle._placement
-            geometry.geometryObjects[self.index].placement = self.seen * self.local
 
 
 def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:

@@ -14,6 +14,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.files import parse_xml, read_text
 from wbc.base.numbers import Array
+from wbc.base.vectors import add_cross
 from wbc.core.limits.obstacles import Obstacle, PlacedObstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
@@ -36,94 +37,6 @@ def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
         raise InputError(f"cannot read the SRDF of a collision limit: {error}") from error
     left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
     return [pair for pair in itertools.combinations(links, 2) if frozenset(pair) not in left_out]
-
-
-def pairs_that_touch(
-    robot: Robot, geometry: pin.GeometryModel, objects: Mapping[str, list[int]], margin: float
-) -> list[tuple[str, str]]:
-    """Return the pairs of links that can come within a margin, m, and do not in half-sitting, but for neighbours.
-
-    Args:
-        robot: The robot.
-        geometry: Shapes; its pairs do not matter.
-        objects: Numbers of the shapes of each link.
-        margin: The margin, m.
-    """
-    model = robot.model
-    joints = {link: model.frames[robot.frame_id(link)].parentJoint for link in objects}
-    apart = [
-        (first, second)
-        for first, second in itertools.combinations(objects, 2)
-        if (a := joints[first]) != (b := joints[second]) and model.parents[a] != b and model.parents[b] != a
-    ]
-    pairs = [(names, i, k) for names in apart for i in objects[names[0]] for k in objects[names[1]]]
-    trial = _with_pairs(geometry, pairs)
-    state, data = model.createData(), trial.createData()
-    for request in data.collisionRequests:
-        request.security_margin = margin
-    left = list(zip(range(len(pairs)), (names for names, _, _ in pairs), data.collisionResults, strict=True))
-    found = list[set[tuple[str, str]]]()
-    for q in _postures(robot, POSTURES):
-        pin.computeCollisions(model, state, trial, data, q, False)
-        found.append(hits := {names for _, names, result in left if result.isCollision()})
-        for row, names, _ in left if hits else ():
-            if names in hits:  # once is enough
-                data.deactivateCollisionPair(row)
-        left = [each for each in left if each[1] not in hits]
-    later = set[tuple[str, str]]().union(*found[1:])
-    return [names for names in apart if names in later]
-
-
-def check_separable(
-    robot: Robot,
-    geometry: pin.GeometryModel,
-    pairs: Sequence[tuple[tuple[str, str], int, int]],
-    margin: float,
-    limit: str,
-) -> None:
-    """Refuse a pair of one body, in collision in half-sitting, or closer than the margin wherever its joints are.
-
-    Args:
-        robot: The robot.
-        geometry: Shapes; its pairs do not matter.
-        pairs: Names of both links of each pair, and the numbers of their shapes.
-        margin: The margin, m.
-        limit: Name of the limit, for messages.
-    """
-    trial, model = _with_pairs(geometry, pairs), robot.model
-    state, data = model.createData(), trial.createData()
-    for row, ((one, other), first, second) in enumerate(pairs):
-        a, b = (trial.geometryObjects[number].parentJoint for number in (first, second))
-        if a == b:
-            raise InputError(f"'{one}' and '{other}' of limit '{limit}' are parts of one rigid body")
-        between = {*model.supports[a]} ^ {*model.supports[b]}
-        distances = []
-        for q in _postures(robot, SAMPLES, between):
-            pin.updateGeometryPlacements(model, state, trial, data, q)
-            distances.append(pin.computeDistance(trial, data, row).min_distance)
-            if distances[0] <= 0.0:
-                raise InputError(
-                    f"'{one}' and '{other}' of limit '{limit}' are {-distances[0]:.3f} m inside each other in "
-                    "half-sitting; leave the pair out or give smaller shapes"
-                )
-            if distances[-1] > margin:
-                break
-        else:
-            raise InputError(
-                f"no joint brings '{one}' and '{other}' of limit '{limit}' further apart than "
-                f"{max(distances):.4f} m, its margin is {margin:g} m; leave the pair out, or lower the margin"
-            )
-
-
-def _with_pairs(
-    geometry: pin.GeometryModel, pairs: Sequence[tuple[tuple[str, str], int, int]]
-) -> pin.GeometryModel:
-    """Return a copy of a geometry with other pairs."""
-    trial = geometry.copy()
-    trial.removeAllCollisionPairs()
-    for _, first, second in pairs:
-        trial.addCollisionPair(pin.CollisionPair(first, second))
-    return trial
 
 
 def _postures(robot: Robot, count: int, joints: Collection[int] | None = None) -> Iterator[Array]:
@@ -192,10 +105,9 @@ class Scene:
             return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
 
         found = [pair for names in given for pair in between(names)]
-        check_separable(robot, self.geometry, found, margin, limit)
+        self._check_separable(found, margin)
         if pairs == "all":
-            touching = pairs_that_touch(robot, self.geometry, objects, margin)
-            found += [pair for names in touching for pair in between(names)]
+            found += [pair for names in self._touching(objects, margin) for pair in between(names)]
         self._obstacles: list[PlacedObstacle] = []
         for obstacle in obstacles:
             body, local = geometry_of(obstacle.shape)
@@ -240,6 +152,75 @@ class Scene:
                 objects[frame].append(self.geometry.addGeometryObject(item))
         return objects
 
+    def _with_pairs(self, pairs: Sequence[tuple[tuple[str, str], int, int]]) -> pin.GeometryModel:
+        """Return a copy of the shapes so far with pairs."""
+        trial = self.geometry.copy()
+        for _, first, second in pairs:
+            trial.addCollisionPair(pin.CollisionPair(first, second))
+        return trial
+
+    def _touching(self, objects: Mapping[str, list[int]], margin: float) -> list[tuple[str, str]]:
+        """Return pairs of links that can come within a margin, m, and do not in half-sitting, but for neighbours.
+
+        `objects` are the numbers of the shapes of each link.
+        """
+        model = self._robot.model
+        joints = {link: model.frames[self._robot.frame_id(link)].parentJoint for link in objects}
+        apart = [
+            (first, second)
+            for first, second in itertools.combinations(objects, 2)
+            if (a := joints[first]) != (b := joints[second])
+            and model.parents[a] != b
+            and model.parents[b] != a
+        ]
+        pairs = [(names, i, k) for names in apart for i in objects[names[0]] for k in objects[names[1]]]
+        trial = self._with_pairs(pairs)
+        state, data = model.createData(), trial.createData()
+        for request in data.collisionRequests:
+            request.security_margin = margin
+        left = list(
+            zip(range(len(pairs)), (names for names, _, _ in pairs), data.collisionResults, strict=True)
+        )
+        found = list[set[tuple[str, str]]]()
+        for q in _postures(self._robot, POSTURES):
+            pin.computeCollisions(model, state, trial, data, q, False)
+            found.append(hits := {names for _, names, result in left if result.isCollision()})
+            for row, names, _ in left if hits else ():
+                if names in hits:  # once is enough
+                    data.deactivateCollisionPair(row)
+            left = [each for each in left if each[1] not in hits]
+        later = set[tuple[str, str]]().union(*found[1:])
+        return [names for names in apart if names in later]
+
+    def _check_separable(self, pairs: Sequence[tuple[tuple[str, str], int, int]], margin: float) -> None:
+        """Refuse a pair of one body, in collision in half-sitting, or closer than a margin, m, wherever its joints are.
+
+        Of each pair there are the names of both links, and the numbers of their shapes.
+        """
+        trial, model, limit = self._with_pairs(pairs), self._robot.model, self._limit
+        state, data = model.createData(), trial.createData()
+        for row, ((one, other), first, second) in enumerate(pairs):
+            a, b = (trial.geometryObjects[number].parentJoint for number in (first, second))
+            if a == b:
+                raise InputError(f"'{one}' and '{other}' of limit '{limit}' are parts of one rigid body")
+            between = {*model.supports[a]} ^ {*model.supports[b]}
+            distances = []
+            for q in _postures(self._robot, SAMPLES, between):
+                pin.updateGeometryPlacements(model, state, trial, data, q)
+                distances.append(pin.computeDistance(trial, data, row).min_distance)
+                if distances[0] <= 0.0:
+                    raise InputError(
+                        f"'{one}' and '{other}' of limit '{limit}' are {-distances[0]:.3f} m inside each other in "
+                        "half-sitting; leave the pair out or give smaller shapes"
+                    )
+                if distances[-1] > margin:
+                    break
+            else:
+                raise InputError(
+                    f"no joint brings '{one}' and '{other}' of limit '{limit}' further apart than "
+                    f"{max(distances):.4f} m, its margin is {margin:g} m; leave the pair out, or lower the margin"
+                )
+
     def refuse_inside(self, distances: Sequence[float]) -> None:
         """Refuse an obstacle inside a link, by the distances of all pairs, m."""
         for each in self._obstacles:
@@ -253,7 +234,9 @@ class Scene:
     def place(self, data: pin.GeometryData) -> None:
         """Place all shapes in some data, and the obstacles that have moved among them."""
         for each in self._obstacles:
-            each.follow(self.geometry)
+            if each.obstacle._placement is not each.seen:
+                each.seen = each.obstacle._placement
+                self.geometry.geometryObjects[each.index].placement = each.seen * each.local
         pin.updateGeometryPlacements(self._robot.model, self._robot.data, self.geometry, data)
 
     def distance(self, row: int, data: pin.GeometryData) -> float:
@@ -266,5 +249,7 @@ class Scene:
         for each in self._obstacles:
             if each.obstacle.moving:
                 twists = np.zeros((6, len(self.names))) if twists is None else twists
-                twists[:, each.pairs] = each.twist()[:, None]
+                *linear, a, b, c = each.obstacle._velocity.tolist()
+                at = each.obstacle._placement.translation.tolist()
+                twists[:, each.pairs] = np.array([*add_cross(linear, at, (a, b, c)), a, b, c])[:, None]
         return twists

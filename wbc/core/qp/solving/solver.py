@@ -207,10 +207,12 @@ class QpSolver:
             self.iterations = self._fast.iterations
             self.counts["active set"] += 1
             return _SOLVED
-        hopeless = without_solution(p)
-        if hopeless is not None:
+        room, finite = p.upper - p.lower, math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear))
+        if not (
+            finite and (room >= 0.0).all()
+        ):  # bounds that cross, or NaN or infinity: it need not be tried
             self.counts["failed"] += 1
-            return hopeless
+            return Status.INFEASIBLE if finite and not np.isnan(room).any() else Status.REFUSED
         hessian, gradient, before = p.hessian, p.gradient, self.multipliers
         self._steady, by_daqp = True, self.settings.solver in ("auto", "daqp")
         if by_daqp:
@@ -356,13 +358,3 @@ class QpSolver:
         fast = self._fast
         fast.x, fast.values, fast.multipliers = x, values, z
         return True
-
-
-def without_solution(problem: Problem) -> Status | None:
-    """Return why a QP need not be tried: NaN or infinity in targets or bounds, bounds that cross; None if it may be."""
-    p = problem
-    room = p.upper - p.lower
-    finite = math.isfinite(p.target.dot(p.target) + p.linear.dot(p.linear))
-    if finite and (room >= 0.0).all():
-        return None
-    return Status.INFEASIBLE if finite and not np.isnan(room).any() else Status.REFUSED
