@@ -52,11 +52,7 @@ def foot_names() -> tuple[str, ...]:
 def foot(name: str, **parameters: Any) -> Foot:
     """Return a foot by name, with some of its parameters changed.
 
-    Example: `foot("soft", stiffness=5.0)`.
-
-    Args:
-        name: One of `foot_names()`.
-        **parameters: Fields of the foot's class.
+    Example: `foot("soft", stiffness=5.0)`. Parameters are fields of the foot's class.
     """
     return call_checked(f"foot '{name}'", _FEET[name], parameters)
 

@@ -172,9 +172,7 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
 
         result = stand(robot="talos", mode="torque", noise="realistic")
 
-    Args:
-        spec: The stand; the default one when None.
-        **values: Fields of `StandSpec` that differ from it.
+    The values are fields of `StandSpec` that differ from the spec, or without one from the default.
     """
     result: StandResult = StandTrial(replace(spec or StandSpec(), **values), visuals=False).run()
     return result

@@ -298,11 +298,7 @@ def _run(spec: AnyTrialSpec | dict[str, Any], timeout: float | None, version: Ma
 @checked
 @contextlib.contextmanager
 def cluster_executor(address: str) -> Iterator[Executor]:
-    """Connect to a Dask cluster, and return its executor.
-
-    Args:
-        address: Address of the scheduler, such as "tcp://10.0.0.1:8786".
-    """
+    """Connect to a Dask cluster by the address of its scheduler, as "tcp://10.0.0.1:8786", and return its executor."""
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:

@@ -73,11 +73,8 @@ LOOPS: Registry[LoopFactory] = Registry("loop", {PLANT: Plant}, group="wbc.loops
 def register_loop(name: str, factory: LoopFactory) -> None:
     """Register a loop under a name, for the field `loop` of walks, stands, push tables and studies.
 
-    Args:
-        name: The name.
-        factory: Class or function that makes a loop (see `Simulation`) from a description and the keyword arguments
-            control_period, timestep, noise, seed and machine. Trials in this loop can use a further property, such as
-            the terrain, only if the factory has a keyword argument for it.
+    The factory makes a loop (see `Simulation`) from a description and the keyword arguments of `NEEDED`. Trials in
+    this loop can use a further property, such as the terrain, only if the factory has a keyword argument for it.
     """
     LOOPS.add(name, factory)
 

@@ -98,12 +98,7 @@ class WalkPlan:
         return self.stairs is not None or high
 
     def build(self, start: FootstepPlan, terrain: Terrain) -> FootstepPlan:
-        """Return the footsteps, from two feet that stand.
-
-        Args:
-            start: Feet and gait.
-            terrain: The ground, for its stairs.
-        """
+        """Return the footsteps, from two feet that stand, with their gait; the ground is that of the stairs."""
         if self.distance is not None:
             return walk_distance(start, self.distance)
         if self.velocity is not None:
@@ -120,12 +115,9 @@ class WalkPlan:
         return replace(start, steps=self.footsteps)
 
     def way(self, start: Place, gait: Gait, *, planned: bool) -> list[tuple[float, float]]:
-        """Return places that the middle of the robot passes, m; for free steps, those that it may reach at most.
+        """Return places that the middle of the robot passes, m; unless `planned`, those that it may reach at most.
 
-        Args:
-            start: Place (m) and heading (rad) at the start.
-            gait: Gait of the walk.
-            planned: True for a walk whose steps are planned.
+        The walk starts at a place (m) with a heading (rad).
         """
         if self.footsteps is not None:
             return [(start[0], start[1]), *((step.x, step.y) for step in self.footsteps)]
@@ -166,12 +158,9 @@ def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, *, tog
 
 
 def fitted(ground: Terrain, way: Sequence[tuple[float, float]], given: Collection[str]) -> Terrain:
-    """Return a ground on which a way fits, with room beside it: longer and wider by whole metres where it has to be.
+    """Return a ground on which a way, m, fits with room beside it: longer and wider by whole metres where it has to be.
 
-    Args:
-        ground: The ground.
-        way: Places, m.
-        given: Names of the dimensions of the track that stay.
+    The dimensions of the track that are `given` by their names stay.
     """
     x0, x1, y0, y1 = ground.extent
     (low_x, low_y), (high_x, high_y) = np.min(way, axis=0) - ROOM_ASIDE, np.max(way, axis=0) + ROOM_ASIDE

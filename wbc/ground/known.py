@@ -102,11 +102,8 @@ class KnownGround:
     ) -> None:
         """Start without knowledge; the robot stands where the walk begins, and gives the names and soles.
 
-        Args:
-            robot: The robot.
-            settings: Settings; the defaults when None.
-            shapes: Link → spheres and capsules of the robot's body, as returned by `RobotDescription.collision_shapes`.
-                Points on them and on the feet are left out. None if the clouds contain no points on the robot.
+        Shapes are link → spheres and capsules of the robot's body, as returned by `RobotDescription.collision_shapes`.
+        Points on them and on the feet are left out. None if the clouds contain no points on the robot.
         """
         if not robot.soles:
             raise InputError(f"a KnownGround needs a robot with soles, '{robot.name}' has none")
