@@ -40,8 +40,8 @@ def checked_policy(
 ) -> tuple[str | None, Changes]:
     """Return policy and parameters in their normal form: with the default, and with the hash of a file that is read.
 
-    Refused are a foot without a stiffness to set, a policy that cannot work with such scans, a fallback of the timing
-    that the actuator cannot set, and values out of range. The `ground` is what an oracle knows.
+    Refused are a foot without a stiffness to set, a policy that cannot work with such scans, and values out of range.
+    The `ground` is what an oracle knows.
     """
     if not isinstance(foot, VariableStiffnessFoot):
         if name is not None or parameters:
@@ -67,9 +67,8 @@ def checked_policy(
         if chosen == ORACLE
         else []
     )
-    for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None, *known):
-        if stiffness is not None:
-            foot.actuator.check(stiffness)
+    for stiffness in (policy.stiffness,) if isinstance(policy, FixedPolicy) else known:
+        foot.actuator.check(stiffness)
     return chosen, as_changes(values)
 
 

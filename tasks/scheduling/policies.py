@@ -57,7 +57,7 @@ class StiffnessPolicy(ABC):
                 return 40.0 if np.ptp(swing.profile.z) < 0.01 else 5.0
 
     Attributes:
-        needs_scan: True if `decide` needs a long enough profile; without one the scheduler commands the fallback.
+        needs_scan: True if `decide` needs a long enough profile; without one the sole keeps its stiffness.
     """
 
     needs_scan: ClassVar[bool] = True

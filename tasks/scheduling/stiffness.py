@@ -32,7 +32,7 @@ HISTORY = 20_000
 
 @settings
 class StiffnessTiming:
-    """Instants and conditions of stiffness scheduling: scan, decision and fall-back.
+    """Instants and conditions of stiffness scheduling: scan and decision.
 
     Attributes:
         decide_at: Share of the single support at which the stiffness is decided; the rest is for the actuator.
@@ -40,7 +40,6 @@ class StiffnessTiming:
         early_landing: Longest time by which a foot may land early, s: only a stiffness reached even then is commanded.
         min_length: Shortest profile that a policy is asked about, m.
         min_coverage: Smallest share of a profile's samples that must have been seen.
-        fallback: Stiffness to command when there is no decision, Nm/rad; None keeps the last one.
         scan: Settings of the profile.
 
     Source: the paper decides at 75 % of the single support (section IV-C). On rough ground a foot lands early, on
@@ -55,7 +54,6 @@ class StiffnessTiming:
     early_landing: Annotated[NonNegative, "s"] = 0.25
     min_length: Annotated[Positive, "m"] = 0.15
     min_coverage: Share = 0.5
-    fallback: Annotated[NonNegative, "Nm/rad"] | None = None
     scan: ScanSettings = field(default_factory=ScanSettings)
 
     def __post_init__(self) -> None:
@@ -71,8 +69,8 @@ class StepStiffness:
     """Record of the stiffness of one swing.
 
     Attributes:
-        requested: Stiffness asked for by policy or fallback, Nm/rad; differs from `commanded` if the actuator could
-            not have reached it in time. NaN if nothing was decided.
+        requested: Stiffness asked for by the policy, or that of before, Nm/rad; differs from `commanded` if the
+            actuator could not have reached it in time. NaN if nothing was decided.
     """
 
     side: str  # the foot that swung
@@ -133,8 +131,8 @@ class StiffnessScheduler:
 
     While a foot swings, its range readings and estimated poses give a profile of the ground. When the share `decide_at`
     of the single support is over, the policy decides. From then on its stiffness is commanded, as far as the actuator
-    can change it before the landing. The other foot keeps its stiffness. Without a usable profile or decision the
-    fallback stiffness is commanded.
+    can change it before the landing. The other foot keeps its stiffness, and so does this one without a usable profile
+    or decision.
 
     Attributes:
         policy: Policy that decides the stiffness.
@@ -164,8 +162,6 @@ class StiffnessScheduler:
         self.timing = StiffnessTiming() if timing is None else timing
         self.policy = as_policy(policy)
         self.actuator: StiffnessActuator = foot.actuator
-        if self.timing.fallback is not None:
-            self.actuator.check(self.timing.fallback)
         for stands in (False, True):
             if (stiffness := self.policy.standing(stands)) is not None:
                 self.actuator.check(stiffness)
@@ -283,11 +279,11 @@ class StiffnessScheduler:
         landing: Array | None,
         compliance: float,
     ) -> None:
-        """Ask the policy, or fall back, and command the stiffness that can be reached."""
+        """Ask the policy, and command the stiffness that can be reached."""
         started = time.perf_counter()
         (profile, problem), decision = self._profile(), None
         actual, deadline = self._actual(side, measurement), self.timing.deadline
-        if late := time_left < deadline:
+        if time_left < deadline:
             problem = f"late: {time_left:.3f} s before the landing, at least {deadline:g} s are needed"
         elif problem is None or not self.policy.needs_scan:
             here = np.array(robot.placement(self._frames[side]).translation)
@@ -306,8 +302,6 @@ class StiffnessScheduler:
         wanted = float(self._command[side])
         if problem is None and decision is not None:
             wanted = decision.stiffness
-        elif not late and self.timing.fallback is not None:
-            wanted = self.timing.fallback
         self._set(side, wanted, actual, time_left)
         self._decided_at = measurement.time
         self._record = StepStiffness(

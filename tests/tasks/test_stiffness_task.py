@@ -297,11 +297,11 @@ def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:
     )
 
 
-# --- fallbacks --------------------------------------------------------------------------------------------------------
+# --- no decision ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("cause", ["short", "blind", "thin", "strange", "silent", "error", "nan"])
-def test_without_a_decision_the_fallback_is_commanded(cause: str, model: StiffnessModel) -> None:
+def test_without_a_decision_a_sole_keeps_its_stiffness(cause: str, model: StiffnessModel) -> None:
     def broken(swing: SwingScan) -> float:
         raise WbcError("out of order")
 
@@ -324,13 +324,11 @@ def test_without_a_decision_the_fallback_is_commanded(cause: str, model: Stiffne
         "error": (broken, lambda p, r: r, 0.29, "the policy failed: out of order"),
         "nan": (lambda s: math.nan, lambda p, r: r, 0.29, "the policy failed: stiffness that a policy wants"),
     }[cause]
-    fallback = None if cause == "short" else 12.0
-    rig = Rig(make_task(policy, fallback=fallback, min_coverage=0.8), tamper=tamper)
+    rig = Rig(make_task(policy, min_coverage=0.8), tamper=tamper)
     record = rig.step(stride=stride)
     assert record.fallback is not None and reason in record.fallback
-    expected = 5.0 if fallback is None else fallback
-    assert (record.requested, record.commanded) == (expected, expected)
-    assert record.reached and record.actual == pytest.approx(expected, abs=0.5)
+    assert (record.requested, record.commanded) == (5.0, 5.0)
+    assert record.reached and record.actual == pytest.approx(5.0, abs=0.5)
 
 
 # --- actuator ---------------------------------------------------------------------------------------------------------
