@@ -58,8 +58,12 @@ class StabilizedFeet:
                 self.contacts[side].follow(*output.corrections[side].apply(places[side]))
                 continue
             self.parts[side].follow(output.feet.wrenches[side])
-            if self._by_load:
-                self._weigh_moments(side, contact, output)
+            if self._by_load:  # moments by the inverse square of the foot's load over the sum
+                scale, (left, right) = np.ones(6), output.feet.wrenches[:, 2].tolist()
+                if all(contact):
+                    share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
+                    scale[3:] = (0.5 / share) ** 2
+                self.parts[side].scale = scale
 
     def com_acceleration(
         self, output: StabilizerOutput, target: Pendulum, wanted: Array | None = None
@@ -76,11 +80,3 @@ class StabilizedFeet:
         acceleration = acceleration.copy()
         acceleration[:2] = output.com_acceleration[:2] + beyond
         return acceleration
-
-    def _weigh_moments(self, side: int, contact: tuple[bool, bool], output: StabilizerOutput) -> None:
-        """Weigh the moments of a desired wrench by the inverse square of the foot's load over the sum."""
-        scale, (left, right) = np.ones(6), output.feet.wrenches[:, 2].tolist()
-        if all(contact):
-            share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
-            scale[3:] = (0.5 / share) ** 2
-        self.parts[side].scale = scale

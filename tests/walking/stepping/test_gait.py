@@ -369,9 +369,10 @@ def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[floa
     assert gait.steering.pending and gait.felt.phase is not GaitPhase.STANDING
 
 
-def planned(distance: float) -> tuple[PointMass, FootstepPlan]:
-    """A body that has begun to walk along footsteps."""
+def planned(distance: float, reach: Reach | None = None) -> tuple[PointMass, FootstepPlan]:
+    """A body that has begun to walk along footsteps, with legs of a reach."""
     body = PointMass(dataclasses.replace(SCALE, sole=(0.085, 0.05)))
+    body.gait.reach = reach
     body.run(0.6)
     left, right = (
         Footstep(side, *frame.translation[:2].tolist())
@@ -428,16 +429,9 @@ def test_a_robot_that_is_pushed_in_the_last_step_of_a_plan_stands_and_then_steps
     push: tuple[float, float],
 ) -> None:
     """A footstep that is missed is no order that was dropped."""
-    body = PointMass(dataclasses.replace(SCALE, sole=(0.085, 0.05)))
+    reach = Reach.of(wbc.load_robot("g1").robot(), SCALE.height)
+    body, plan = planned(0.4, reach)
     gait = body.gait
-    gait.reach = reach = Reach.of(wbc.load_robot("g1").robot(), SCALE.height)
-    body.run(0.6)
-    left, right = (
-        Footstep(side, *frame.translation[:2].tolist())
-        for side, frame in zip(SIDES, body.ticks[-1].frames, strict=True)
-    )
-    plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 0.4)
-    gait.take(PlanSource(plan))
     while gait.steps_done < len(plan) - 1:
         body.run(DT)
     body.run(0.3)

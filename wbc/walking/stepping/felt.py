@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array, lag_gain
-from wbc.base.vectors import Point, Rotation, Vector, along, part_way
+from wbc.base.vectors import Point, Rotation, Vector, part_way
 from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
@@ -52,17 +52,6 @@ class BodyState(NamedTuple):
         """Return the rates at which the far and the left end of a sole rise, over their distance, rad/s."""
         (u, v, _), ((a, b, _), (c, d, _), _) = self.rates[side], self.turns[side]
         return u * c - v * a, u * d - v * b
-
-    def middle(self, direction: Point) -> Point:
-        """Return the place that is at the CoM along a direction, and across it in the middle of the feet, m."""
-        (x, y, _), (left, right), (cos, sin) = self.com, self.places, direction
-        _, aside = along(direction, 0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
-        return x - sin * aside, y + cos * aside
-
-    def apart(self) -> float:
-        """Return the distance between the feet, m."""
-        left, right = self.places
-        return math.hypot(left[0] - right[0], left[1] - right[1])
 
 
 class BodyReader:

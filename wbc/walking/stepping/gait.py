@@ -376,7 +376,8 @@ class SteppingWalk(ReferenceSource):
                 1e3 * self.step.decision.displaced,
             )
         slow = math.hypot(*steering.velocity) < law.stand.stop_speed
-        near = slow and state.apart() < law.stand.stop_length
+        left, right = state.places
+        near = slow and math.hypot(left[0] - right[0], left[1] - right[1]) < law.stand.stop_length
         steps = self.step.asked.steps
         if not steps.go and near and felt.outside(felt.dcm, law.stand.stop_box) <= 0.0:
             felt.enter(GaitPhase.STANDING, landed)
@@ -423,4 +424,7 @@ class SteppingWalk(ReferenceSource):
 
     def _middle(self) -> Point:
         """Return the place of the robot: along the heading that of the CoM, across it the middle of the feet, m."""
-        return self.felt.state.middle(self.steering.direction)
+        state, (cos, sin) = self.felt.state, self.steering.direction
+        (x, y, _), (left, right) = state.com, state.places
+        _, aside = along((cos, sin), 0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
+        return x - sin * aside, y + cos * aside
