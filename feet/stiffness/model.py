@@ -158,7 +158,7 @@ class StiffnessDecision:
     Attributes:
         stiffness: Stiffness to set, Nm/rad.
         cluster: Cluster of the ground, from 1; None without clusters.
-        familiar: False if the ground is unlike all grounds that the model knows: the scheduler then keeps its stiffness.
+        familiar: False if the ground is unlike all grounds that the model knows: the sole then keeps its stiffness.
         distance: Distance to the nearest known ground, in standard deviations of the features; None if unknown.
         features: Features that the decision is based on, name → value.
     """

@@ -351,7 +351,7 @@ class StiffnessScheduler:
             if answer is None:
                 return None, "the policy has no opinion"
             decision = answer if isinstance(answer, StiffnessDecision) else StiffnessDecision(answer)
-        except Exception as error:  # of a policy of the user: the sole then falls back
+        except Exception as error:  # of a policy of the user
             return None, f"the policy failed: {error}"
         if not decision.familiar:
             far = "" if decision.distance is None else f", {decision.distance:.1f} deviations away"
