@@ -403,7 +403,8 @@ class WalkingControl(SteeredControl):
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        self._order(checked_velocity(velocity))
+        wanted = checked_velocity(velocity)
+        self._order(wanted)
 
     @property
     def granted_velocity(self) -> Velocity:
