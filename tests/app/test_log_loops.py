@@ -101,7 +101,7 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
     assert replay.plant.start[0] == pytest.approx(start[0])
 
 
-@pytest.mark.parametrize("name", by_default(["panda", "go1"], "go1"))
+@pytest.mark.parametrize("name", by_default(["panda", "go1"], "panda"))
 def test_a_robot_without_feet_is_recorded_without_theirs(tmp_path: Path, name: str) -> None:
     """Its base, too, only if it has one; what is of another robot is refused."""
     description = wbc.load_robot(name)
