@@ -67,6 +67,7 @@ def test_an_oscillation_above_the_cut_off_is_taken_out_and_one_below_stays(hrp4:
         assert kept == pytest.approx(smoothed / (1.0 + (frequency / 6.0) ** 4), abs=0.08), frequency
 
 
+@pytest.mark.slow
 def test_arms_and_trunk_are_no_further_out_than_their_torques_hold(hrp4: Robot) -> None:
     """Raised arms come down, and a trunk that is bent comes up, until gravity takes the share that is allowed."""
     for changes, share, joint in (

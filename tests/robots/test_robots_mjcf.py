@@ -290,7 +290,7 @@ def key(name: str, bend: float, arm: float = 0.3) -> str:
     return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
 
 
-@pytest.mark.parametrize("turn", [(24, -23, -5), (20, 46, 18)])
+@pytest.mark.parametrize("turn", [(24, -23, -5)])
 def test_half_sitting_is_found_where_legs_are_spread_at_zero(turn: tuple[int, int, int]) -> None:
     """Ankles that roll by 12° cannot hold the feet flat as far apart as spread legs have them; nearer they can."""
     xml = biped().replace('axis="1 0 0" range="-30 30"', 'axis="1 0 0" range="-12 12"')
