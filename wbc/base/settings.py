@@ -449,7 +449,7 @@ def setting_names(settings: Any, prefix: str = "") -> tuple[str, ...]:
     for field in dataclasses.fields(settings):
         path, value = prefix + field.name, getattr(settings, field.name)
         nested = dataclasses.is_dataclass(value)
-        if not nested or type(None) in _alternatives(_hints(type(settings))[field.name]):
+        if not nested or type(None) in _alternatives(_hints(typing.cast(type, type(settings)))[field.name]):
             names.append(path)
         if nested:
             names += setting_names(value, f"{path}.")
