@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Callable
@@ -191,18 +192,43 @@ def test_parameters_are_checked_before_a_call() -> None:
     assert call_checked("maker", loose, {"a": 1.0, "b": 2.0}) == 3.0
 
 
-@pytest.mark.parametrize("usable", [True, False])
-def test_mujoco_draws_with_what_this_machine_has(monkeypatch: pytest.MonkeyPatch, usable: bool) -> None:
+@pytest.mark.parametrize(
+    ("value", "libraries", "usable"),
+    [
+        ("", (), True),
+        (" EGL ", ("EGL",), True),
+        ("egl", (), False),
+        ("osmesa", ("EGL",), False),
+        ("glx", (), True),
+        ("off", (), True),
+        ("cgl", ("EGL",), False),
+        ("nonsense", ("EGL",), False),
+    ],
+)
+def test_mujoco_draws_with_what_this_machine_has(
+    monkeypatch: pytest.MonkeyPatch, value: str, libraries: tuple[str, ...], usable: bool
+) -> None:
     def load(name: str) -> None:
-        if not usable:
-            raise AttributeError(name)
+        raise OSError(name)
 
-    monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    monkeypatch.setattr(drawing, "import_module", load)
+    monkeypatch.setenv("MUJOCO_GL", value)
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(drawing, "find_library", lambda name: name if name in libraries else None)
+    monkeypatch.setattr(ctypes, "CDLL", load)
     monkeypatch.setattr(drawing, "_unusable", [])
     drawing.check_opengl()
-    assert os.environ["MUJOCO_GL"] == ("osmesa" if usable else "disable")
-    assert ("osmesa" in drawing.advice()) != usable
+    assert os.environ["MUJOCO_GL"] == (value if usable else "disable")
+    assert (value in drawing.advice() and "egl" in drawing.advice()) if not usable else not drawing.advice()
+    if not usable:
+        monkeypatch.setenv("MUJOCO_GL", value)
+        monkeypatch.setattr(ctypes, "CDLL", lambda name: None)  # found without a list of libraries
+        drawing.check_opengl()
+        assert (os.environ["MUJOCO_GL"] == value) == (value in ("egl", "osmesa"))
+        monkeypatch.setitem(sys.modules, "mujoco", sys)
+        monkeypatch.setenv("MUJOCO_GL", value)
+        drawing.check_opengl()
+        assert os.environ["MUJOCO_GL"] == value, "MuJoCo has read it already"
 
 
 def test_a_line_of_a_table_is_a_row_and_one_cell_fills_it() -> None:

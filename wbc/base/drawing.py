@@ -23,6 +23,12 @@ logger = logging.getLogger(__name__)
 
 VARIABLE, BACKEND = "MUJOCO_GL", "MPLBACKEND"
 
+ANYWHERE = ["glfw", "enable", "enabled", "on", "true", "1", "disable", "disabled", "off", "false", "0"]
+"""Values that MuJoCo takes on each system."""
+
+OWN = {"linux": ("glx", "egl", "osmesa"), "darwin": ("cgl",), "win32": ("wgl",)}
+"""Platform → its values."""
+
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Value → the library that it needs."""
 
@@ -40,13 +46,16 @@ class RenderError(WbcError):
 
 
 def check_opengl() -> None:
-    """Switch MuJoCo's pictures off, with a warning, if it cannot be imported with `MUJOCO_GL` as it is."""
-    try:
-        import_module("mujoco")
-    except Exception:  # whatever a library raises that is missing
-        _unusable.append(os.environ[VARIABLE])
-        os.environ[VARIABLE] = "disable"
-        logger.warning("%s", advice())
+    """Switch MuJoCo's pictures off, with a warning, if `MUJOCO_GL` names what this machine has not."""
+    given = os.environ.get(VARIABLE, "")
+    value = given.lower().strip()
+    if not value or "mujoco" in sys.modules:
+        return
+    if value in ANYWHERE or (value in OWN.get(sys.platform, ()) and _is_installed(LIBRARIES.get(value))):
+        return
+    os.environ[VARIABLE] = "disable"
+    _unusable.append(given)
+    logger.warning("%s", advice())
 
 
 def advice() -> str:
@@ -54,8 +63,8 @@ def advice() -> str:
     if not _unusable:
         return ""
     return (
-        f"{VARIABLE}={_unusable[-1]} cannot be used on this machine, and MuJoCo draws no pictures: unset it, or "
-        "install its library"
+        f"{VARIABLE}={_unusable[-1]} cannot be used on this machine, and MuJoCo draws no pictures: unset it, or set "
+        f"one of {', '.join(OWN.get(sys.platform, ()))} whose library is installed"
     )
 
 
