@@ -137,7 +137,7 @@ def test_a_plant_that_has_carried_starts_again_bit_for_bit() -> None:
 def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
     rpy: tuple[float, float, float], share: float, found: float, place: tuple[float, float]
 ) -> None:
-    """By its weight and its moment about the hands in the heading, whatever roll and pitch of the base; models follow changes from STEP on."""
+    """By its weight and its moment about the hands in the heading, whatever roll and pitch of the base."""
     robot = DESCRIPTION.robot()
     q = np.array(robot.q)
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs()
