@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import coal
 import numpy as np
@@ -69,6 +70,17 @@ def test_a_hull_looks_with_its_vertices_that_are_outermost_after_a_small_turn(ax
     assert found == {tuple(corner) for corner in corners.tolist() if corner[axis] > 0.0}
 
 
+def facing(shapes: Sequence[coal.CollisionGeometry], places: Sequence[pin.SE3]) -> Facing:
+    """Return the corners of one pair of shapes at their places in the world."""
+    geometry, model = pin.GeometryModel(), pin.Model()
+    for name, shape, place in zip("ab", shapes, places, strict=True):
+        geometry.addGeometryObject(pin.GeometryObject(name, 0, place, shape))
+    geometry.addCollisionPair(pin.CollisionPair(0, 1))
+    data = geometry.createData()
+    pin.updateGeometryPlacements(model, model.createData(), geometry, data, pin.neutral(model))
+    return Facing(geometry, data)
+
+
 @pytest.mark.parametrize(
     ("one", "other", "have"),
     [
@@ -82,11 +94,45 @@ def test_a_ball_at_what_has_no_flat_side_has_no_corners(
     one: coal.CollisionGeometry, other: coal.CollisionGeometry, *, have: bool
 ) -> None:
     for shapes in ((one, other), (other, one)):
-        geometry = pin.GeometryModel()
-        for name, shape in zip("ab", shapes, strict=True):
-            geometry.addGeometryObject(pin.GeometryObject(name, 0, pin.SE3.Identity(), shape))
-        geometry.addCollisionPair(pin.CollisionPair(0, 1))
-        assert Facing(geometry, geometry.createData()).has_corners == [have]
+        assert facing(shapes, [pin.SE3.Identity()] * 2).has_corners == [have]
+
+
+FAR = (0.0,) * 7 + (9.0, 9.0, 9.0)
+"""Nearest points that no corner is one of."""
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_corners_of_two_capsules_are_the_ends_of_their_axes(seed: int) -> None:
+    """As coal measures a ball at each end of one capsule against the other capsule."""
+    rng = np.random.default_rng(seed)
+    shapes = [coal.Capsule(*rng.uniform(0.05, 0.2, 2)) for _ in range(2)]
+    turns = [pin.Quaternion(rng.normal(size=4)).normalized().matrix() for _ in range(2)]
+    places = [pin.SE3(turns[i], rng.uniform(-0.5, 0.5, 3) + [0.0, 0.0, 2.0 * i]) for i in range(2)]
+    found = facing(shapes, places).corners(0, FAR, 10.0, touching=False)
+    expected = []
+    for item, end in itertools.product((0, 1), (-1.0, 1.0)):
+        capsule, other, result = shapes[item], 1 - item, coal.DistanceResult()
+        at = places[item].act(np.array([0.0, 0.0, end * capsule.halfLength]))
+        gap = coal.distance(
+            *(coal.Sphere(capsule.radius), coal.Transform3s(np.eye(3), at)),
+            *(shapes[other], coal.Transform3s(places[other].rotation, places[other].translation)),
+            *(coal.DistanceRequest(True, True), result),
+        )
+        points = (result.getNearestPoint1(), result.getNearestPoint2())[:: 1 - 2 * item]
+        normal = (points[1] - points[0]) / gap
+        expected.append([gap, *normal, *np.cross(points[0], normal), *points[0]])
+    np.testing.assert_allclose(found, sorted(expected), atol=1e-6)
+    within = 0.5 * (found[1][0] + found[2][0])
+    assert facing(shapes, places).corners(0, FAR, within, touching=False) == found[:2]
+
+
+def test_a_capsule_over_a_box_has_its_two_ends_at_their_heights() -> None:
+    lying = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.5 * math.pi - 0.1, 0.0), np.array([0.0, 0.0, 1.0]))
+    shapes = coal.Capsule(0.1, 0.4), coal.Box(2.0, 2.0, 1.0)
+    nearest = (0.5 - 0.1 - 0.2 * math.sin(0.1), 0.0, 0.0, -1.0, *FAR[4:])
+    found = facing(shapes, (lying, pin.SE3.Identity())).corners(0, nearest, 1.0, touching=False)
+    ends = [(0.4 - 0.2 * side * math.sin(0.1), -1.0, -0.2 * side * math.cos(0.1)) for side in (1.0, -1.0)]
+    np.testing.assert_allclose([(gap, nz, x) for gap, _, _, nz, *_, x, _, _ in found], ends, atol=1e-6)
 
 
 def edges(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

