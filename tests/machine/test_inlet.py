@@ -58,3 +58,18 @@ def test_measurements_that_a_control_checks_are_not_checked_and_the_next_one_is_
     inlet.forget()
     assert inlet.take(measured(9.0), 28.0) and not inlet.refused and inlet.good.time == 9.0
     assert inlet.take(measured(17.0), 36.0) and "time stamp" in inlet.refused and inlet.good.time == 9.0
+
+
+def test_what_joints_did_while_a_control_checked_itself_does_not_count_in_the_pace() -> None:
+    inlet = Inlet(ROBOT, 0.01)
+    hand = np.array(["elbow" in name for name in ROBOT.joint_names]) * 0.5  # rad/s
+    for i in range(700):  # up in the first two seconds, down again after the fourth
+        time, up = 0.01 * i, min(0.01 * i, 2.0) - min(max(0.01 * i - 4.0, 0.0), 2.0)
+        still = measured(time)
+        velocity = hand * (float(time < 2.0) - float(4.0 <= time < 6.0))
+        seen = replace(still, joint_position=still.joint_position + up * hand, joint_velocity=velocity)
+        if i == 400:
+            inlet.forget()
+        assert inlet.take(seen, time, check=i >= 400 or i < 5) and not inlet.refused
+        inlet.good = seen  # the control's own
+        assert abs(inlet.pace - 1.0) < 0.1

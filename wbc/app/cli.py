@@ -12,7 +12,7 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentError, Parameter
 
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
@@ -87,7 +87,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         make_app(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
-        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        missing = error.argument if isinstance(error, MissingArgumentError) else None
+        choices = missing.get_choices() if missing is not None else None
+        hint = f" Choose from: {', '.join(choices)}." if choices else ""
+        print(f"wbc: {_one_line(error)}{hint}", file=sys.stderr)
         return BAD_INPUT
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)

@@ -8,6 +8,7 @@ from typing import Any
 
 from wbc.base.errors import InputError
 from wbc.base.files import parsing, read_text
+from wbc.sim.studies.journal import BEGIN
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
@@ -25,6 +26,8 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def read_object(what: str, path: Path) -> dict[str, Any]:
     """Return the object in a JSON file, of a `what` such as "walk"."""
     text = read_text(path, "JSON")
+    if text.startswith(BEGIN.decode()):
+        raise InputError(f"{path} is no {what} but a journal, which `wbc study` takes as --journal {path}")
     with parsing(path, "JSON"):
         data = json.loads(text, object_pairs_hook=unique)
     if not isinstance(data, dict):

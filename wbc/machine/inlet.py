@@ -58,6 +58,7 @@ class Inlet:
     def forget(self) -> None:
         """Take the next measurement as the first one, whatever time has passed."""
         self._plausible.reset()
+        self._integrals.reset()
 
     def take(self, measurement: Any, now: float, *, check: bool = True) -> bool:
         """Take a measurement that arrived at `now`, s, and check it; True if it is a new one."""
