@@ -52,9 +52,7 @@ class Profile:
     x: Array  # distance along `forward` from the world origin, ascending multiples of the step, shape (n,), m
     z: Array  # world height, shape (n,), m
     lateral: Array  # distance to the left of the line through the world origin along `forward`, shape (n,), m
-    seen: NDArray[
-        np.bool_
-    ]  # True where there is a hit within half a step; elsewhere z is interpolated, shape (n,)
+    seen: NDArray[np.bool_]  # True where a hit is within half a step, elsewhere z is interpolated, shape (n,)
     forward: Array  # unit vector of the walking direction in the world's x–y plane, shape (2,)
     step: float  # distance of the samples, m
 

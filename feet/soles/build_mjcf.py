@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
+from wbc.core.robot import SIDES
 from wbc.feet.soles.contact import LOOP_CLOSURE, ContactSpheres
 from wbc.feet.soles.foot import FootFit, FootParts, box_inertia
 
@@ -59,6 +61,9 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
     MuJoCo measures the force between a body and its parent, so all geoms that touch the ground, and nothing of the
     robot, must be on this body and its children.
     """
+    choose("side", side, SIDES)
+    if ankle_body.name != fit.sole.ankle_link:
+        raise InputError(f"the {side} foot belongs under '{fit.sole.ankle_link}', got '{ankle_body.name}'")
     body = ankle_body.add_body(
         name=part(side, "foot"), pos=fit.sole.translation, quat=quaternion_wxyz(fit.sole.rotation)
     )

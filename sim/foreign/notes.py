@@ -43,8 +43,8 @@ UPWARD = 0.5
 PRESSED = 1e-3
 """Depth by which the soles are pressed into the floor to find their contacts, m."""
 
-MOST_SURFACES = 64
-"""Most surfaces above each other that are looked at."""
+MOST_SURFACES = 1000
+"""Most surfaces above each other that are looked at, with those of the robot: meshes of one leg may have dozens."""
 
 ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 """Transmissions of actuators that act on a joint."""

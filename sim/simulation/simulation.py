@@ -379,10 +379,8 @@ class Simulation(ABC):
         if not isinstance(command, Command):
             raise InputError(f"a simulation takes a Command, got {shown(command)}")
         if command.period is not None and command.period != self.control_period:
-            own, period = (
-                self.control_period,
-                finite_scalar("period of a command (s)", command.period, above=0.0),
-            )
+            own = self.control_period
+            period = finite_scalar("period of a command (s)", command.period, above=0.0)
             whole = round(period / own)
             if whole < 1 or abs(whole * own - period) > ROUNDING:
                 raise InputError(

@@ -78,6 +78,8 @@ class Ellipsoid(Quadric):
 
     @cached_property
     def form(self) -> Array:
+        if np.ptp(self.semi_axes) == 0.0:  # of a ball without the rounding of a power
+            return np.asarray(np.eye(3) / self.semi_axes[0] ** 2)
         return np.asarray(self.rotation @ np.diag(self.semi_axes**-2) @ self.rotation.T)
 
     @cached_property

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.base.numbers import Array, finite_array
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import AnyTrial, TrialHook
+from wbc.sim.walks.meter import AT_ONCE
 
 GOAL_DISTANCE = 0.5
 """Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands
@@ -31,7 +32,8 @@ class Arrival(TrialHook):
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
         self.goal = goal
         self.track = places = finite_array("track (m)", track)
-        self.middles: list[Array] = []  # of the feet, of each tick
+        self.middles: list[Array] = []  # of the feet, not compared yet
+        self._away = 0.0  # m
         if len(places) == 1:
             places = np.repeat(places, 2, axis=0)  # a line of no length
         self._x, self._y = places[:-1].T.copy()
@@ -42,16 +44,23 @@ class Arrival(TrialHook):
         """See `TrialHook`."""
         if trial.diverged is None:
             self.middles.append(feet_middle(trial.plant))
+            if len(self.middles) == AT_ONCE:
+                self._compare()
 
     @property
     def track_error(self) -> float:
         """Greatest distance from the track so far, m."""
+        self._compare()
+        return self._away
+
+    def _compare(self) -> None:
         x, y = np.reshape(self.middles, (-1, 2)).T[:, :, None]
         x, y = x - self._x, y - self._y
         share = np.minimum(np.maximum((x * self._along + y * self._aside) / self._squares, 0.0), 1.0)
         x -= share * self._along
         y -= share * self._aside
-        return math.sqrt((x * x + y * y).min(axis=1).max(initial=0.0))
+        self._away = max(self._away, math.sqrt((x * x + y * y).min(axis=1).max(initial=0.0)))
+        self.middles.clear()
 
     def error(self, middle: Array) -> float:
         """Return the distance of the middle of the feet, shape (2,), from the goal, m."""

@@ -51,7 +51,7 @@ SAMPLE = 0.02
 """Period over which accelerations of joints are differences of velocities, for the vibration, s."""
 
 AT_ONCE = 256
-"""Ticks whose torques are looked at at once: NumPy takes ten times as long for one after the other."""
+"""Ticks whose torques or places are looked at at once: one by one takes ten times as long, all need gigabytes."""
 
 LEAST_WAY = 0.05
 """Shortest distance for which a cost of transport and a speed are told, m."""

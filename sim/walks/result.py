@@ -54,9 +54,7 @@ class Fall:
     phase: str  # "single support", "double support" or "standing"
     share: float  # elapsed time over the duration of that phase
     dcm_forward: Annotated[float, "m"] | None  # DCM measured minus reference along the stance foot
-    dcm_outward: (
-        Annotated[float, "m"] | None
-    )  # the same over the foot to the outside; None without a stabilizer
+    dcm_outward: Annotated[float, "m"] | None  # the same to its outside; both None without a stabilizer
     cause: str
     sole_roll: Annotated[float, "rad"]  # tilt of the stance sole across
     sole_pitch: Annotated[float, "rad"]  # along, toe down positive

@@ -183,8 +183,8 @@ class FieldFamily(Family):
     @cached_property
     def unidirectional(self) -> bool:
         """True if the ground does not vary across the track."""
-        two = np.array([[0.0], [1.0]])
-        return len(np.atleast_2d(self.heights(Site(0.0, 1.0, 1.0, 1.0, Draws(0, "")), two.T, two))) == 1
+        two, site = np.array([[0.0], [1.0]]), Site(0.0, 10.0, 10.0, 1.0, Draws(0, ""))  # of usual lengths
+        return len(np.atleast_2d(self.heights(site, two.T, two))) == 1
 
     @property
     def grid(self) -> float:
