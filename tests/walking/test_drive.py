@@ -509,3 +509,20 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
         for i in range(first, first + 30):
             source.footsteps(standing(name)._replace(time=0.1 * i))
         assert source.granted[0] == pytest.approx(target, abs=0.03) and source.pace == target
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"), [("granted", (0.2,), "velocity"), ("pace", math.nan, "pace")]
+)
+def test_a_planner_without_a_finite_velocity_or_pace_is_refused_and_the_robot_stops(
+    name: str, value: object, reason: str
+) -> None:
+    stage = Stage()
+    stage.steer((0.15, 0.0, 0.0))
+    stage.run(1.5)
+    stage.follow(type("Odd", (Own,), {name: value})(lambda now: now.start))
+    stage.run(0.5)
+    assert reason in stage.source.reason
+    stage.steer(None)
+    stage.run(3.0)
+    assert stage.walk.finished

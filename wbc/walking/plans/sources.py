@@ -221,9 +221,12 @@ class PlanSource(FootstepSource):
 def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
     """Return what a planner answers, `AHEAD` steps at most.
 
-    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
+    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground,
+    and for a velocity or a pace of the planner that is not of finite numbers: ticks to come read both.
     """
     to_check, plan = planner.to_check, planner.footsteps(now)
+    checked_velocity(planner.granted)
+    finite_scalar("pace of a planner (m/s)", planner.pace, low=0.0)
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
