@@ -23,7 +23,7 @@ from task_factory import (
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits import collision
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import Limit, cut_demands
 from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
@@ -377,3 +377,15 @@ def test_polygon_follows_the_soles_on_request() -> None:
         limit.use_soles(["left_hand"])
     with pytest.raises(InputError, match="sole"):
         limit.use_soles([])
+
+
+def test_a_demand_is_cut_off_at_what_coordinates_attain_together_and_bounds_around_zero_stay() -> None:
+    rows = np.random.default_rng(0).normal(size=(6, 9))
+    most = 2.0 * np.abs(rows).sum(axis=1)
+    lower, upper = (
+        np.array([-np.inf, -1.0, 1e3, 0.1, -np.inf, 0.0]),
+        np.array([1.0, 1.0, 1e4, 0.2, -1e3, 0.0]),
+    )
+    cut_demands(2.0, rows, lower, upper)
+    np.testing.assert_allclose(lower, [-np.inf, -1.0, most[2], 0.1, -np.inf, 0.0])
+    np.testing.assert_allclose(upper, [1.0, 1.0, 1e4, 0.2, -most[4], 0.0])

@@ -30,7 +30,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, NoSolutionError, names_in
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Ratio
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import ATTAINABLE, Limit, cut_demands
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
@@ -268,6 +268,7 @@ class FilteredArms(PolicyArms):
         dt, robot, columns = self.controller.dt, self.controller.robot, self._columns
         for limit, matrix, lower, upper in self._blocks:
             limit.write(dt, matrix, lower, upper)
+            cut_demands(ATTAINABLE, matrix, lower, upper)
             if isinstance(limit, JointLimits):
                 self._stop(limit, lower, upper)
         turning, turned, speed = robot.mass_matrix[3:6, columns], self._rows[-3:, columns], robot.v[columns]

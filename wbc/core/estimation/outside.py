@@ -77,7 +77,7 @@ class OutsideWrench:
 
     def reset(self) -> None:
         """Forget everything, the tare too."""
-        self.wrench, self.tare = np.zeros(6), read_only(np.zeros(6))
+        self.wrench, self._tare = np.zeros(6), np.zeros(6)
         self._begin_tare(empty=False)
         self._residual.reset()
         self._loaded = [True] * len(self._soles)
@@ -86,6 +86,11 @@ class OutsideWrench:
     def _begin_tare(self, *, empty: bool) -> None:
         """Average anew; hands that are known to be `empty` may seem to bear anything."""
         self._sum, self._averaged, self._empty = np.zeros(6), 0.0, empty
+
+    @property
+    def tare(self) -> Array:
+        """See the attributes of the class."""
+        return read_only(self._tare)
 
     @property
     def ready(self) -> bool:
@@ -130,7 +135,7 @@ class OutsideWrench:
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         self._residual.update(momentum, known, dt)
         if self.ready:
-            self.wrench = self._residual.value - _turned(self.tare, self._ahead)
+            self.wrench = self._residual.value - _turned(self._tare, self._ahead)
         elif self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
             self._average(_turned(self._residual.value, self._ahead.conjugate()), weight, dt)
 
@@ -146,7 +151,7 @@ class OutsideWrench:
             what = "the hands bear" if borne > 0.0 else "the robot is held by"
             logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
             mean = np.zeros(6)
-        self.tare = read_only(mean)
+        self._tare = mean
 
     @property
     def _ahead(self) -> complex:

@@ -229,3 +229,11 @@ class Barrier(Limit):
 def demands(lower: Array, upper: Array) -> bool:
     """Return true if zero is not within all bounds, of which there is at least one."""
     return bool(lower[lower.argmax()] > 0.0 or upper[upper.argmin()] < 0.0)
+
+
+def cut_demands(most: float, rows: Array, lower: Array, upper: Array) -> None:
+    """Cut demands of rows off where each coordinate would have to give more than `most`; for rows without a store."""
+    if demands(lower, upper):
+        attainable = most * np.add.reduce(np.abs(rows), axis=1)
+        np.minimum(lower, attainable, out=lower)
+        np.maximum(upper, -attainable, out=upper)

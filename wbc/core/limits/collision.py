@@ -16,7 +16,7 @@ from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.limits.base import OPTIONS, Barrier, Order
+from wbc.core.limits.base import BACK, OPTIONS, Barrier, Order, cut_demands
 from wbc.core.limits.facing import CORNERS, Corner, Facing
 from wbc.core.limits.obstacles import CollisionHalfSpace, Obstacle, Shape
 from wbc.core.limits.pairs import Scene
@@ -266,6 +266,11 @@ class CollisionLimit(Barrier):
         room = np.zeros((2, self.dim))
         self._measure(rows, room, "step", 0.0)
         above[:], below[:] = room
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
+        super().write_step(rows, lower, upper)
+        cut_demands(BACK, rows, lower, upper)
 
     def violation(self, row: int, size: float) -> str:
         """Return by how much the margin of a pair is violated, and which pair it is."""
