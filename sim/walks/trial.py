@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, UnknownNameError, choose
 from wbc.core.conventions import rotation_of
 from wbc.core.estimation.observer import Observer
 from wbc.core.frames import heading
@@ -26,6 +26,7 @@ from wbc.policy.guard import PolicyGuard
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
@@ -74,7 +75,12 @@ def walk(
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
     """
+    family = terrain_families().get(str(values.get("terrain", "flat" if spec is None else spec.terrain)))
     for name in values:
+        if family is not None and name not in FIELDS and name in {each.name for each in fields(family)}:
+            raise UnknownNameError(
+                f"no field of a walk '{name}'; it is one of the ground: terrain_params={{'{name}': …}}"
+            )
         choose("field of a walk", name, FIELDS)
     kind, below = WalkSpec, dict[str, Any]()
     if spec is not None:

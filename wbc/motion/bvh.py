@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, choose, shown
 from wbc.base.files import decoding
 from wbc.base.numbers import Array
 from wbc.motion.skeleton import MOST_JOINTS
@@ -135,7 +135,10 @@ def _joint(word: str, name: str, joints: list[_Joint], opened: list[int]) -> _Jo
 
 def _number(what: str, text: str) -> float:
     """Return a number of the file, `what` in messages."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{what} must be a number, got {shown(text)}") from None
     if not abs(value) <= FARTHEST:
         raise InputError(f"{what} must be within ±{FARTHEST:g}, got {value:g}")
     return value
@@ -166,12 +169,14 @@ def _frames(text: str, joints: Sequence[_Joint]) -> tuple[Array, float]:
     columns = [f"{channel} of joint '{joint.name}'" for joint in joints for channel in joint.channels or ()]
     if not columns:
         raise InputError("no joint has a channel, so that nothing moves")
-    values = np.array(text[found.end() :].split(), dtype=float)
-    if (far := np.flatnonzero(~(abs(values) <= FARTHEST))).size:
-        frame, column = divmod(int(far[0]), len(columns))
-        raise InputError(
-            f"{columns[column]} in frame {frame} must be within ±{FARTHEST:g}, got {values[far[0]]:g}"
-        )
+    words = text[found.end() :].split()
+    try:
+        values = np.array(words, dtype=float)
+        good = bool((abs(values) <= FARTHEST).all())
+    except ValueError:
+        good = False
+    for i, word in enumerate(() if good else words):  # one of them is refused by its place
+        _number(f"{columns[i % len(columns)]} in frame {i // len(columns)}", word)
     whole, rest = divmod(len(values), len(columns))
     if rest or whole != count:
         raise InputError(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.files import decoding, naming, read_text, replacing
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, finite_scalar
 from wbc.base.settings import Positive
 from wbc.motion.bvh import read_bvh
 from wbc.motion.clip import BASE_COLUMNS, MotionClip
@@ -200,7 +200,9 @@ def _found(data: Arrays) -> str:
 def _rate(data: Arrays) -> float | None:
     """Return the frames per second of a file, Hz; None where it does not say them."""
     rate = data.get("rate", data.get("fps"))
-    return None if rate is None else float(np.asarray(rate).item())
+    if rate is not None and np.size(rate) != 1:
+        raise InputError(f"rate (fps) must be one number, Hz, got {shown(rate)}")
+    return None if rate is None else finite_scalar("rate (fps), Hz,", np.asarray(rate).item())
 
 
 def _columns(path: Path) -> dict[str, AnyArray | None]:
