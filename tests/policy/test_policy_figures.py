@@ -29,7 +29,7 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.policy import OnnxNetwork, PolicyFilter, Term
 from wbc.policy.contacts import CARRIES, STEP, FootContacts
-from wbc.policy.steering import Steering
+from wbc.policy.steering import PolicySteering
 from wbc.walking.contact import GaitPhase
 
 N = len(LEGS)
@@ -71,7 +71,7 @@ def moving(x: float, y: float, yaw: float = 0.0) -> Any:
 def test_what_lacks_of_a_velocity_is_counted_along_the_heading() -> None:
     """A robot that walks with (0.3, 0.1) m/s in the world under a heading of 0.5 rad."""
     description = described(fastest=(2.0, 2.0, 2.0))
-    steering = Steering(description, regain=0.8)
+    steering = PolicySteering(description, regain=0.8)
     steering.velocity = (0.5, -0.2, 0.3)
     steering.tick(moving(0.3, 0.1, 0.5))
     cos, sin = math.cos(0.5), math.sin(0.5)
@@ -82,7 +82,7 @@ def test_what_lacks_of_a_velocity_is_counted_along_the_heading() -> None:
 
 def test_what_lacks_makes_no_stand_of_a_walk_and_is_forgotten_with_its_direction() -> None:
     """A robot that is pulled ahead faster than it is asked to go is asked for less, and never to stand or go back."""
-    steering, pulled = Steering(described(phase=0.8), regain=0.5), moving(1.0, 0.1)
+    steering, pulled = PolicySteering(described(phase=0.8), regain=0.5), moving(1.0, 0.1)
     steering.velocity = (0.2, 0.0, 0.0)
     phases = []
     for _ in range(100):
@@ -101,7 +101,7 @@ def test_what_lacks_makes_no_stand_of_a_walk_and_is_forgotten_with_its_direction
 
 
 def test_the_clock_runs_while_any_velocity_is_asked_for_and_the_feet_are_half_a_period_apart() -> None:
-    steering, robot = Steering(described(phase=0.8), regain=0.0), moving(0.0, 0.0)
+    steering, robot = PolicySteering(described(phase=0.8), regain=0.0), moving(0.0, 0.0)
     for velocity in ((0.3, 0.0, 0.0), None, (0.0, 0.0, 0.005), (0.0, 0.0, -0.1)):
         assert (steering.phase == math.pi).all()
         steering.velocity = velocity

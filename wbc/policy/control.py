@@ -32,7 +32,7 @@ from wbc.policy.joints import PolicyJoints
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.period import PolicyPeriod
 from wbc.policy.references import ScannedGround, Tracked, clip_frames
-from wbc.policy.steering import Steering
+from wbc.policy.steering import PolicySteering
 from wbc.policy.terms import Observed
 from wbc.walking.plans.sources import Velocity, VelocityLimits
 from wbc.walking.source import Progress
@@ -145,7 +145,7 @@ class PolicyControl(SteeredControl):
         self.controller = Controller(robot, dt) if arms else TasklessController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.contacts, self.ground = FootContacts(robot, dt), ground
-        self._steering, self.guarded = Steering(description, regain), False
+        self._steering, self.guarded = PolicySteering(description, regain), False
         self._rest = np.zeros(robot.na)
         self._rest.setflags(write=False)
 

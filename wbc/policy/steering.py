@@ -25,7 +25,7 @@ STANDING = (math.pi, math.pi)
 """Phases of the feet of a robot that stands, rad."""
 
 
-class Steering:
+class PolicySteering:
     """Velocity that a policy is asked for, within the range that it is made for.
 
     Attributes:

@@ -19,7 +19,7 @@ from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import BACK, OPTIONS, Barrier, Order, cut_demands
 from wbc.core.limits.facing import CORNERS, Corner, Facing
 from wbc.core.limits.obstacles import CollisionHalfSpace, Obstacle, Shape
-from wbc.core.limits.pairs import Scene
+from wbc.core.limits.pairs import CollisionScene
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
 
@@ -200,7 +200,7 @@ class CollisionLimit(Barrier):
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
         self._robot = robot  # first, so that it refuses copies of the limit
-        self._scene = scene = Scene(
+        self._scene = scene = CollisionScene(
             robot, self.name, self._shapes, self.obstacles, self._against, self.pairs, self._margin
         )
         self._n_pairs = len(scene.names)

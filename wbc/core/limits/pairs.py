@@ -63,7 +63,7 @@ def random_joints(robot: Robot, random: np.random.Generator, room: float = 0.0) 
     return np.asarray(low + random.uniform(room, 1.0 - room, robot.na) * (high - low))
 
 
-class Scene:
+class CollisionScene:
     """Shapes of a robot's links and of obstacles, and pairs of them.
 
     Attributes:
